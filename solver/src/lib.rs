@@ -1,0 +1,196 @@
+//! The quasi-one-dimensional ice mélange model of Amundson, Robel, Burton and Nissanka
+//! (The Cryosphere 19, 19–35, 2025), as a pure solver in f64: parameters in, states and forces out.
+//! It knows no server, no files, no clock and starts no threads.
+//!
+//! Five coupled equations for velocity U, fluidity g^x, friction at the walls μ_w, thickness H and
+//! length L, on a grid that stretches from the glacier terminus to where the mélange has thinned to
+//! the size d of its icebergs.
+//!
+//! | paper | here |
+//! |---|---|
+//! | Eq. 21, C2, C3: balance of stresses; Eqs. 22, 23: its ends | [`physics::momentum::residual`] |
+//! | Eqs. 16–18, C4: longitudinal fluidity | [`physics::fluidity::residual`] |
+//! | Eqs. 24–26, C5, C6: transverse problem | [`physics::sidewall`] |
+//! | Eq. 27, C7, C9: mass; C1: H_L = d | [`physics::continuity::residual`] |
+//! | C8 and what replaces it | [`physics::closure`] |
+//! | Eqs. 29, 30: force on the terminus | [`force`] |
+//! | Appendix B: scales | [`state::scale`] |
+//! | §3.1: steady states | [`steady`] |
+//! | §3.2: transients | [`transient`] |
+//!
+//! # Deviations from the printed paper
+//!
+//! 1. Eqs. 3 and 5 print (1 − ρ_w/ρ), which is negative; (1 − ρ/ρ_w) is used. Without it no pressure.
+//! 2. C1 lacks a division by two; H_L is the linear extrapolation (3H_{N−½} − H_{N−3/2})/2.
+//! 3. Eq. 22 takes H₀ extrapolated in the same way, not the first cell's thickness.
+//! 4. C6 lacks Eq. 26's factor two, which stays.
+//! 5. C8 leaves the steady state undetermined (H₀ from 83 to 91 m for the base case, depending on the
+//!    start); by default the first mass row is H½ − 2H₃⸝₂ + H₅⸝₂ = 0, which gives the paper's figures
+//!    (149.4 m). See [`physics::closure`].
+//! 6. δε̇, for which the paper prints no value, is 1 a⁻¹ and enters μ = (|ε̇_xx| + δε̇)/g^x alone.
+//! 7. sgn(U) of Eq. 21 is the sign of the velocity relative to the walls, U + U_t − U_c; the same
+//!    number wherever the paper's figures have U > 0.
+//! 8. W is read at the bedrock position X₀ + χL, so that the walls stay where they are when the
+//!    terminus moves; the same for a fixed terminus.
+
+pub mod diagnostic;
+pub mod error;
+pub mod fjord;
+pub mod force;
+pub mod linalg;
+pub mod newton;
+pub mod observe;
+pub mod params;
+pub mod physics;
+mod smoothing;
+pub mod state;
+pub mod steady;
+pub mod transient;
+
+use error::SolveError;
+use fjord::Fjord;
+use newton::{Limits, Root, Workspace};
+use params::{ParameterError, Parameters};
+use physics::closure::UpstreamClosure;
+use physics::continuity::MassBalance;
+use physics::fluidity::Relaxation;
+use physics::{Equations, Problem, Scratch};
+use state::{State, unknowns};
+
+/// A mélange to be solved for: checked parameters and the closure at the terminus.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Model {
+    parameters: Parameters,
+    fjord: Fjord,
+    closure: UpstreamClosure,
+}
+
+impl Model {
+    /// Checks the parameters and refuses those that describe no mélange.
+    pub fn new(parameters: Parameters, closure: UpstreamClosure) -> Result<Self, ParameterError> {
+        parameters.check()?;
+        if parameters.water_drag_n_per_m != 0.0 {
+            return Err(ParameterError::Contradiction {
+                name: "water_drag_n_per_m",
+                value: parameters.water_drag_n_per_m,
+                permitted: "water drag is not there yet, so only 0 is accepted".into(),
+            });
+        }
+        let fjord = Fjord { width_m: parameters.width_m, gradient: parameters.width_gradient };
+        Ok(Self { parameters, fjord, closure })
+    }
+
+    /// The parameters.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The fjord.
+    pub fn fjord(&self) -> &Fjord {
+        &self.fjord
+    }
+
+    /// The closure at the terminus.
+    pub fn closure(&self) -> UpstreamClosure {
+        self.closure
+    }
+}
+
+/// A state that solves the equations, and what it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// The state.
+    pub state: State,
+    /// Newton iterations of the whole solve, all attempts together.
+    pub iterations: usize,
+    /// 2-norm of the nondimensional residual.
+    pub residual_norm: f64,
+}
+
+/// What the solver asks of Newton's method.
+#[derive(Debug, Clone, Copy)]
+struct Task<'a> {
+    balance: MassBalance<'a>,
+    terminus_x_m: f64,
+    smoothing: f64,
+    relaxation: Option<Relaxation<'a>>,
+}
+
+impl<'a> Task<'a> {
+    /// With a terminus at X₀ = 0, no smoothing and no pseudo-time.
+    fn new(balance: MassBalance<'a>) -> Self {
+        Self { balance, terminus_x_m: 0.0, smoothing: 0.0, relaxation: None }
+    }
+
+    fn smoothed(self, smoothing: f64) -> Self {
+        Self { smoothing, ..self }
+    }
+}
+
+/// Solves one model; keeps its buffers from solve to solve.
+#[derive(Debug, Clone)]
+pub struct Solver {
+    model: Model,
+    scratch: Scratch,
+    newton: Workspace,
+    iterations: usize,
+}
+
+impl Solver {
+    /// A solver for a model.
+    pub fn new(model: Model) -> Self {
+        let n = model.parameters.n_cells;
+        Self { model, scratch: Scratch::new(n), newton: Workspace::new(unknowns(n)), iterations: 0 }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Turns to another model with the same number of cells, keeping the buffers.
+    pub fn retarget(&mut self, model: Model) {
+        if model.parameters.n_cells == self.model.parameters.n_cells {
+            self.model = model;
+        } else {
+            *self = Self::new(model);
+        }
+    }
+
+    /// Newton from the iterate in the workspace, which holds the root afterwards.
+    fn solve_from_iterate(
+        &mut self,
+        task: Task<'_>,
+        limits: Limits,
+        stage: &'static str,
+    ) -> Result<Root, SolveError> {
+        let problem = Problem {
+            parameters: &self.model.parameters,
+            fjord: &self.model.fjord,
+            closure: self.model.closure,
+            balance: task.balance,
+            terminus_x_m: task.terminus_x_m,
+            smoothing: task.smoothing,
+            relaxation: task.relaxation,
+        };
+        let mut equations = Equations::new(problem, &mut self.scratch);
+        let outcome = newton::solve(&mut equations, &mut self.newton, limits, stage);
+        self.iterations += match &outcome {
+            Ok(root) => root.iterations,
+            Err(SolveError::NotConverged { iterations, .. }) => *iterations,
+            Err(_) => 0,
+        };
+        outcome
+    }
+
+    /// The iterate as a solution.
+    fn solution(&mut self, root: Root) -> Solution {
+        let mut state = State::zeros(self.model.parameters.n_cells);
+        state.unpack(&self.newton.x);
+        Solution {
+            state,
+            iterations: std::mem::take(&mut self.iterations),
+            residual_norm: root.residual_norm,
+        }
+    }
+}

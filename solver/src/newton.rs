@@ -1,0 +1,173 @@
+//! Newton's method with a line search that holds. Knows no physics and no time.
+
+use crate::error::{NewtonFailure, SolveError};
+use crate::linalg::bordered::Bordered;
+
+/// The point lies where the equations are not defined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OutsideDomain;
+
+/// A square system of nondimensional equations.
+pub trait System {
+    /// Number of unknowns.
+    fn unknowns(&self) -> usize;
+    /// Evaluates the residual at x.
+    fn residual(&mut self, x: &[f64], residual: &mut [f64]) -> Result<(), OutsideDomain>;
+    /// Evaluates residual and Jacobian at x.
+    fn linearise(
+        &mut self,
+        x: &[f64],
+        residual: &mut [f64],
+        jacobian: &mut Bordered<8, 8>,
+    ) -> Result<(), OutsideDomain>;
+    /// The longest share of `step`, at most 1, that keeps clear of the domain's bounds.
+    fn longest_step(&self, x: &[f64], step: &[f64]) -> f64;
+}
+
+/// Buffers of an iteration, reused from solve to solve.
+#[derive(Debug, Clone)]
+pub struct Workspace {
+    /// The iterate: start before, root after.
+    pub x: Vec<f64>,
+    residual: Vec<f64>,
+    step: Vec<f64>,
+    trial: Vec<f64>,
+    correction: Vec<f64>,
+    jacobian: Bordered<8, 8>,
+    next_jacobian: Bordered<8, 8>,
+    history: Vec<f64>,
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// Newton iterations.
+    pub iterations: usize,
+    /// A full step whose largest component is below this is the last.
+    pub step_tolerance: f64,
+}
+
+impl Default for Limits {
+    /// Convergence is quadratic, so that a last step of 1e-9 leaves only rounding.
+    fn default() -> Self {
+        Self { iterations: 60, step_tolerance: 1e-9 }
+    }
+}
+
+/// A root was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Root {
+    /// Iterations spent.
+    pub iterations: usize,
+    /// 2-norm of the residual at the root.
+    pub residual_norm: f64,
+}
+
+impl Workspace {
+    /// For n unknowns.
+    pub fn new(n: usize) -> Self {
+        Self {
+            x: vec![0.0; n],
+            residual: vec![0.0; n],
+            step: vec![0.0; n],
+            trial: vec![0.0; n],
+            correction: vec![0.0; n],
+            jacobian: Bordered::zeros(n),
+            next_jacobian: Bordered::zeros(n),
+            history: Vec::with_capacity(128),
+        }
+    }
+
+    /// The trial point a share of the step away.
+    fn advance(&mut self, share: f64) {
+        for ((trial, x), step) in self.trial.iter_mut().zip(&self.x).zip(&self.step) {
+            *trial = x + share * step;
+        }
+    }
+
+    /// Natural monotonicity test (Deuflhard 2011, §3.3). The residual's norm depends on how rows are
+    /// scaled; the simplified Newton correction at the trial point does not.
+    fn correction_shrinks(&mut self, share: f64) -> bool {
+        self.correction.copy_from_slice(&self.residual);
+        self.jacobian.solve(&mut self.correction);
+        norm2(&self.correction) <= (1.0 - 0.5 * share) * norm2(&self.step)
+    }
+}
+
+/// Finds a root from `w.x`, which holds it afterwards; on failure `w.x` is the last iterate.
+pub fn solve<S: System>(
+    system: &mut S,
+    w: &mut Workspace,
+    limits: Limits,
+    stage: &'static str,
+) -> Result<Root, SolveError> {
+    w.history.clear();
+    iterate(system, w, limits).map_err(|reason| SolveError::NotConverged {
+        stage,
+        iterations: w.history.len(),
+        residual_norm: w.history.last().copied().unwrap_or(f64::NAN),
+        reason,
+        history: w.history.clone(),
+    })
+}
+
+fn iterate<S: System>(
+    system: &mut S,
+    w: &mut Workspace,
+    limits: Limits,
+) -> Result<Root, NewtonFailure> {
+    /// Shortest share of a Newton step that is tried.
+    const SHORTEST: f64 = 1e-5;
+    /// Share of the predicted decrease that a step must bring.
+    const SUFFICIENT: f64 = 1e-4;
+
+    debug_assert_eq!(w.x.len(), system.unknowns());
+    system
+        .linearise(&w.x, &mut w.residual, &mut w.jacobian)
+        .map_err(|_| NewtonFailure::OutsideDomain)?;
+    for iteration in 1..=limits.iterations {
+        let norm = norm2(&w.residual);
+        w.history.push(norm);
+        w.jacobian.factorise().map_err(|_| NewtonFailure::Singular)?;
+        for (step, residual) in w.step.iter_mut().zip(&w.residual) {
+            *step = -residual;
+        }
+        w.jacobian.solve(&mut w.step);
+        let largest = w.step.iter().fold(0.0_f64, |a, s| a.max(s.abs()));
+        if !largest.is_finite() {
+            return Err(NewtonFailure::Singular);
+        }
+
+        let mut share = system.longest_step(&w.x, &w.step);
+        if share == 1.0 && largest < limits.step_tolerance {
+            w.advance(share);
+            if system.residual(&w.trial, &mut w.residual).is_ok() {
+                std::mem::swap(&mut w.x, &mut w.trial);
+                return Ok(Root { iterations: iteration, residual_norm: norm2(&w.residual) });
+            }
+        }
+        loop {
+            w.advance(share);
+            // Most steps are accepted at once, so the trial is linearised on the way.
+            if system.linearise(&w.trial, &mut w.residual, &mut w.next_jacobian).is_ok() {
+                let trial_norm = norm2(&w.residual);
+                if trial_norm <= (1.0 - SUFFICIENT * share) * norm
+                    || (trial_norm.is_finite() && w.correction_shrinks(share))
+                {
+                    std::mem::swap(&mut w.x, &mut w.trial);
+                    std::mem::swap(&mut w.jacobian, &mut w.next_jacobian);
+                    break;
+                }
+            }
+            share *= 0.5;
+            if share < SHORTEST {
+                return Err(NewtonFailure::Stalled);
+            }
+        }
+    }
+    Err(NewtonFailure::TooManyIterations)
+}
+
+fn norm2(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,78 @@
+//! Longitudinal granular fluidity g^x: residual and Jacobian rows. Knows no other equation.
+
+use super::{Medium, Sink, local_fluidity_rate};
+use crate::params::Parameters;
+use crate::state::{State, Var};
+
+/// μ − μ_s of a cell, with μ = (|ε̇_xx| + δε̇)/g^x (Eq. 15 with the regularisation of §2.2).
+pub fn yield_excess(p: &Parameters, s: &State, cell: usize) -> f64 {
+    (s.strain_rate_per_a(cell).abs() + p.strain_rate_regularisation_per_a) / s.fluidity_per_a[cell]
+        - p.mu_s
+}
+
+/// Pseudo-time in the fluidity equation, for states that lie across a kink from their root: the
+/// equation has no time of its own, and ∂g/∂τ = ∂²g/∂x² − (g − g_loc)/ξ² leads to a stable root.
+#[derive(Debug, Clone, Copy)]
+pub struct Relaxation<'a> {
+    /// g at the pseudo-step before: \[N\] a⁻¹.
+    pub fluidity_per_a: &'a [f64],
+    /// 1/Δτ, m⁻².
+    pub rate_per_m2: f64,
+}
+
+/// Nonlocal granular fluidity, Eqs. 16–18 as C4; rows of the cells, in a⁻¹ m⁻².
+///
+/// ∂²g/∂x² = (g − g_loc)/ξ² with ξ = Ad/√|μ − μ_s| and
+/// g_loc = √(P/ρ)/d · (μ − μ_s)₊/(μ b), P = P̃ g/(g + ε̇) (text below Eq. 17). The first and the last
+/// row are ∂g/∂x = 0, in a⁻¹. `m.smoothing` = ε rounds the kinks: |δ| → √(δ² + ε²) and
+/// δ₊ → (δ + √(δ² + ε²))/2 with δ = μ − μ_s; the model itself has ε = 0.
+/// U: \[N+1\] m a⁻¹ at nodes; H: \[N\] m and g: \[N\] a⁻¹ in cells.
+pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
+    let n = s.n_cells();
+    let p = m.parameters;
+    let dx = s.dx_m();
+    let inverse_dx2 = 1.0 / (dx * dx);
+    let cooperativity2 = (p.A * p.d_m).powi(2);
+
+    for (row, inner) in [(0, 1), (n - 1, n - 2)] {
+        out.residual(Var::G(row), s.fluidity_per_a[inner] - s.fluidity_per_a[row]);
+        out.slope(Var::G(row), Var::G(row), -1.0);
+        out.slope(Var::G(row), Var::G(inner), 1.0);
+    }
+
+    for c in 1..n - 1 {
+        let row = Var::G(c);
+        let (h, g, strain) = (s.thickness_m[c], s.fluidity_per_a[c], s.strain_rate_per_a(c));
+        let mu = (strain.abs() + p.strain_rate_regularisation_per_a) / g;
+        let excess = mu - p.mu_s;
+        let distance = excess.hypot(m.smoothing);
+        let above = 0.5 * (excess + distance);
+        let (distance_by_mu, above_by_mu) = if distance > 0.0 {
+            (excess / distance, 0.5 * (1.0 + excess / distance))
+        } else {
+            (0.0, 0.5)
+        };
+        let source = local_fluidity_rate(p, h) * (g / (g + strain)).sqrt();
+        let local = source * above / mu;
+        let curvature = (s.fluidity_per_a[c - 1] - 2.0 * g + s.fluidity_per_a[c + 1]) * inverse_dx2;
+        let coupling = distance / cooperativity2;
+        let (lag, rate) = m.relaxation.map_or((0.0, 0.0), |relaxation| {
+            (g - relaxation.fluidity_per_a[c], relaxation.rate_per_m2)
+        });
+        out.residual(row, curvature - coupling * (g - local) - rate * lag);
+
+        let by_mu = -distance_by_mu / cooperativity2 * (g - local)
+            + coupling * source * (above_by_mu - above / mu) / mu;
+        let by_local = coupling * local;
+        let by_strain = by_mu * strain.signum() / g - 0.5 * by_local / (g + strain);
+        let by_g = -2.0 * inverse_dx2 - coupling - rate - by_mu * mu / g
+            + 0.5 * by_local * (1.0 / g - 1.0 / (g + strain));
+        out.slope(row, Var::G(c - 1), inverse_dx2);
+        out.slope(row, Var::G(c), by_g);
+        out.slope(row, Var::G(c + 1), inverse_dx2);
+        out.slope(row, Var::H(c), 0.5 * by_local / h);
+        out.slope(row, Var::U(c), -by_strain / dx);
+        out.slope(row, Var::U(c + 1), by_strain / dx);
+        out.slope(row, Var::L(n), (-2.0 * curvature - by_strain * strain) / s.length_m);
+    }
+}

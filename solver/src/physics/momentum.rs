@@ -1,0 +1,74 @@
+//! Width-integrated balance of stresses: residual and Jacobian rows. Knows no other equation.
+
+use super::{Medium, Sink};
+use crate::state::{State, Var};
+
+/// Longitudinal stress H²ε̇/(g + ε̇) of a cell (C3) and its slopes.
+struct Stress {
+    value: f64,
+    by_h: f64,
+    by_g: f64,
+    by_strain: f64,
+}
+
+fn stress(s: &State, c: usize) -> Stress {
+    let (h, g, strain) = (s.thickness_m[c], s.fluidity_per_a[c], s.strain_rate_per_a(c));
+    let q = 1.0 / (g + strain);
+    Stress {
+        value: h * h * strain * q,
+        by_h: 2.0 * h * strain * q,
+        by_g: -h * h * strain * q * q,
+        by_strain: h * h * g * q * q,
+    }
+}
+
+/// Stress balance, Eq. 21 as C2, divided by ρg(1 − ρ/ρ_w)/2 · 2; rows of the nodes, in m.
+///
+/// Node 0 carries Eq. 22, U₀H₀ = U_cH_t with H₀ extrapolated; node N carries Eq. 23. The sign of
+/// Eq. 21's last term is that of μ_w, which is signed like the velocity relative to the walls.
+/// U: \[N+1\] m a⁻¹ and μ_w: \[N+1\] at nodes; H: \[N\] m and g: \[N\] a⁻¹ in cells.
+pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
+    let n = s.n_cells();
+    let dx = s.dx_m();
+    let h0 = s.thickness_0_m();
+    let inflow = m.parameters.calving_flux_m2_per_a() / h0;
+    out.residual(Var::U(0), s.velocity_m_per_a[0] - inflow);
+    out.slope(Var::U(0), Var::U(0), 1.0);
+    out.slope(Var::U(0), Var::H(0), 1.5 * inflow / h0);
+    out.slope(Var::U(0), Var::H(1), -0.5 * inflow / h0);
+
+    let mut left = stress(s, 0);
+    for j in 1..n {
+        let row = Var::U(j);
+        let right = stress(s, j);
+        let (h_left, h_right) = (s.thickness_m[j - 1], s.thickness_m[j]);
+        let mean_h = 0.5 * (h_left + h_right);
+        let mean_w = m.node_width(j);
+        let mu = s.mu_w[j];
+        let pull = (right.value - left.value) / dx;
+        let slope = mean_h * (h_right - h_left) / dx;
+        let drag = mean_h * mean_h * mu / mean_w;
+        out.residual(row, pull - slope - drag);
+
+        out.slope(row, Var::U(j - 1), left.by_strain / (dx * dx));
+        out.slope(row, Var::U(j), -(left.by_strain + right.by_strain) / (dx * dx));
+        out.slope(row, Var::U(j + 1), right.by_strain / (dx * dx));
+        out.slope(row, Var::G(j - 1), -left.by_g / dx);
+        out.slope(row, Var::G(j), right.by_g / dx);
+        let drag_by_h = mean_h * mu / mean_w;
+        out.slope(row, Var::H(j - 1), -left.by_h / dx + h_left / dx - drag_by_h);
+        out.slope(row, Var::H(j), right.by_h / dx - h_right / dx - drag_by_h);
+        out.slope(row, Var::Mu(j), -mean_h * mean_h / mean_w);
+        let strain_left = s.strain_rate_per_a(j - 1);
+        let strain_right = s.strain_rate_per_a(j);
+        let stretch = (right.by_strain * strain_right - left.by_strain * strain_left) / dx;
+        let by_l =
+            (slope - pull - stretch) / s.length_m + drag / mean_w * m.node_width_by_length(j);
+        out.slope(row, Var::L(n), by_l);
+        left = right;
+    }
+
+    out.residual(Var::U(n), s.velocity_m_per_a[n] - s.velocity_m_per_a[n - 1]);
+    out.slope(Var::U(n), Var::U(n), 1.0);
+    out.slope(Var::U(n), Var::U(n - 1), -1.0);
+}

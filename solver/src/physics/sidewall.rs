@@ -1,0 +1,209 @@
+//! The transverse problem: what friction at the walls a mean speed needs. Residual and Jacobian rows
+//! of μ_w. Knows no other equation.
+//!
+//! Per node (Eqs. 16, 24–26, C5, C6): M = 100 intervals over the half width, y from the wall,
+//! μ = μ_w(1 − 2y/W). In s = 2y/W the fluidity is g^y = R·φ with R = √(P̃/ρ)/(d b), and φ solves
+//!
+//! ```text
+//!   φ_{m−1} − 2φ_m + φ_{m+1} = κ|μ_m − μ_s| (φ_m − (μ_m − μ_s)₊/μ_m),   κ = (W/(2M·A·d))²
+//!   φ₀ = φ₁, φ_M = φ_{M−1};   u_{m+1} − u_{m−1} = 4Δy μ_m g_m, u₀ = 0, u_M = u_{M−1}
+//! ```
+//!
+//! so that the mean by composite Simpson is ū = (2W/M) R Ψ(μ_w, κ), Ψ = Σ c_m μ_m φ_m with constant
+//! weights c. Its slopes cost one adjoint solve. The sections are independent: eight go side by
+//! side through each loop, which the compiler turns into vector instructions.
+
+use super::{Medium, Sink, local_fluidity_rate};
+use crate::params::Parameters;
+use crate::state::{State, Var};
+
+/// Intervals over the half width.
+pub const INTERVALS: usize = 100;
+const LANES: usize = 8;
+const INNER: usize = INTERVALS - 1;
+type Lane = [f64; LANES];
+
+/// Weights c_m of Ψ for m = 1…M − 1: composite Simpson of the two interleaved sums of C6.
+///
+/// An odd m lifts the even points beyond it and, through u_{M−1} = u_M, all odd points; an even m
+/// lowers the odd points before it.
+const WEIGHTS: [f64; INNER] = {
+    let mut weights = [0.0; INNER];
+    let mut i = 0;
+    while i < INNER {
+        let m = (i + 1) as f64;
+        let simpson = if i % 2 == 0 { 3.0 * INTERVALS as f64 - m } else { -2.0 * m };
+        weights[i] = simpson / (3.0 * INTERVALS as f64);
+        i += 1;
+    }
+    weights
+};
+
+/// Mean speed of a transect relative to the walls, and its slopes.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct MeanSpeed {
+    /// ū, m a⁻¹, signed like μ_w.
+    pub speed: f64,
+    /// ∂ū/∂μ_w, m a⁻¹.
+    pub by_mu: f64,
+    /// ∂ū/∂H, a⁻¹.
+    pub by_h: f64,
+    /// ∂ū/∂W, a⁻¹.
+    pub by_w: f64,
+}
+
+/// One transect: signed μ_w, thickness and width in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Section {
+    /// μ_w, signed.
+    pub mu_w: f64,
+    /// H, m.
+    pub thickness_m: f64,
+    /// W, m.
+    pub width_m: f64,
+}
+
+/// Below this |μ_w| no interior point yields and ū is zero.
+pub fn threshold(p: &Parameters) -> f64 {
+    p.mu_s / (1.0 - 1.0 / INTERVALS as f64)
+}
+
+/// Mean speeds of all sections, Eq. 26 as C6. `out` has the sections' length.
+pub fn mean_speeds(p: &Parameters, sections: &[Section], out: &mut [MeanSpeed]) {
+    for (sections, out) in sections.chunks(LANES).zip(out.chunks_mut(LANES)) {
+        let mut mu = [1.0; LANES];
+        let mut kappa = [1.0; LANES];
+        for (l, s) in sections.iter().enumerate() {
+            mu[l] = s.mu_w.abs();
+            kappa[l] = (s.width_m / (2.0 * INTERVALS as f64 * p.A * p.d_m)).powi(2);
+        }
+        let [psi, by_mu, by_kappa] = flow(p.mu_s, &mu, &kappa);
+        for (l, (s, out)) in sections.iter().zip(out).enumerate() {
+            let unit = 2.0 * s.width_m / INTERVALS as f64 * local_fluidity_rate(p, s.thickness_m);
+            let speed = unit * psi[l] * s.mu_w.signum();
+            *out = MeanSpeed {
+                speed,
+                by_mu: unit * by_mu[l],
+                by_h: 0.5 * speed / s.thickness_m,
+                by_w: (speed + unit * by_kappa[l] * 2.0 * kappa[l] * s.mu_w.signum()) / s.width_m,
+            };
+        }
+    }
+}
+
+/// Ψ, ∂Ψ/∂μ_w and ∂Ψ/∂κ of eight sections.
+fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
+    // Forward sweep of φ and of the adjoint λ, whose right-hand side is c·μ.
+    let mut inverse = [[0.0; LANES]; INNER];
+    let mut phi = [[0.0; LANES]; INNER];
+    let mut lambda = [[0.0; LANES]; INNER];
+    let (mut last_inverse, mut last_phi, mut last_lambda) =
+        ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    for m in 0..INNER {
+        let share = 1.0 - (m + 1) as f64 / INTERVALS as f64;
+        let diagonal = if m == 0 || m == INNER - 1 { 1.0 } else { 2.0 };
+        for l in 0..LANES {
+            let mu = mu_w[l] * share;
+            let excess = mu - mu_s;
+            let above = excess.max(0.0);
+            let pivot = 1.0 / (diagonal + kappa[l] * excess.abs() - last_inverse[l]);
+            last_phi[l] = (kappa[l] * above * above / mu + last_phi[l]) * pivot;
+            last_lambda[l] = (WEIGHTS[m] * mu + last_lambda[l]) * pivot;
+            last_inverse[l] = pivot;
+        }
+        (inverse[m], phi[m], lambda[m]) = (last_inverse, last_phi, last_lambda);
+    }
+    // Backward sweep; Ψ and its slopes are summed on the way.
+    let mut sums = [[0.0; LANES]; 3];
+    let (mut next_phi, mut next_lambda) = ([0.0; LANES], [0.0; LANES]);
+    for m in (0..INNER).rev() {
+        let share = 1.0 - (m + 1) as f64 / INTERVALS as f64;
+        for l in 0..LANES {
+            let mu = mu_w[l] * share;
+            let excess = mu - mu_s;
+            let ratio = excess.max(0.0) / mu;
+            next_phi[l] = phi[m][l] + inverse[m][l] * next_phi[l];
+            next_lambda[l] = lambda[m][l] + inverse[m][l] * next_lambda[l];
+            let sign = if excess > 0.0 { 1.0 } else { -1.0 };
+            let source_by_mu = kappa[l] * ratio * (2.0 - ratio);
+            sums[0][l] += WEIGHTS[m] * mu * next_phi[l];
+            sums[1][l] += share
+                * (WEIGHTS[m] * next_phi[l]
+                    + next_lambda[l] * (source_by_mu - kappa[l] * sign * next_phi[l]));
+            sums[2][l] += next_lambda[l] * (excess.max(0.0) * ratio - excess.abs() * next_phi[l]);
+        }
+    }
+    sums
+}
+
+/// The μ_w that gives each section its speed (signed, m a⁻¹): Newton on the increasing ū(μ_w),
+/// kept between bounds. `sections` gives H and W, and receives μ_w.
+pub fn friction_for(p: &Parameters, speeds: &[f64], sections: &mut [Section]) {
+    const ITERATIONS: usize = 80;
+    const TOLERANCE: f64 = 1e-10;
+    let floor = threshold(p);
+    let mut bounds = vec![(floor, f64::INFINITY); sections.len()];
+    let mut found = vec![MeanSpeed::default(); sections.len()];
+    for (section, speed) in sections.iter_mut().zip(speeds) {
+        section.mu_w = (2.0 * floor).copysign(*speed);
+    }
+    for _ in 0..ITERATIONS {
+        mean_speeds(p, sections, &mut found);
+        let mut largest_change = 0.0_f64;
+        for (((section, speed), found), (low, high)) in
+            sections.iter_mut().zip(speeds).zip(&found).zip(&mut bounds)
+        {
+            let mu = section.mu_w.abs();
+            let miss = found.speed.abs() - speed.abs();
+            if miss > 0.0 {
+                *high = mu
+            } else {
+                *low = mu
+            }
+            let mut next = mu - miss / found.by_mu;
+            if !(next > *low && next < *high) {
+                next = if high.is_finite() { 0.5 * (*low + *high) } else { 4.0 * mu };
+            }
+            largest_change = largest_change.max((next - mu).abs() / mu);
+            section.mu_w = next.copysign(*speed);
+        }
+        if largest_change < TOLERANCE {
+            break;
+        }
+    }
+}
+
+/// The sections of a state: W of the nearest cells and H extrapolated at the ends, means elsewhere.
+pub fn sections(m: &Medium, s: &State, out: &mut [Section]) {
+    let n = s.n_cells();
+    for (j, section) in out.iter_mut().enumerate() {
+        let thickness_m = match j {
+            0 => s.thickness_0_m(),
+            _ if j == n => s.thickness_end_m(),
+            _ => 0.5 * (s.thickness_m[j - 1] + s.thickness_m[j]),
+        };
+        *section = Section { mu_w: s.mu_w[j], thickness_m, width_m: m.node_width(j) };
+    }
+}
+
+/// ū(μ_w) − (U + U_t − U_c) = 0, Eq. 26 as C6; rows of the nodes, in m a⁻¹.
+///
+/// `speeds`: \[N+1\], of the state's [`sections`].
+pub fn residual<S: Sink>(m: &Medium, s: &State, speeds: &[MeanSpeed], out: &mut S) {
+    let n = s.n_cells();
+    let walls = m.parameters.terminus_velocity_m_per_a - m.parameters.calving_rate_m_per_a;
+    for (j, mean) in speeds.iter().enumerate() {
+        let row = Var::Mu(j);
+        out.residual(row, mean.speed - (s.velocity_m_per_a[j] + walls));
+        out.slope(row, Var::U(j), -1.0);
+        out.slope(row, Var::Mu(j), mean.by_mu);
+        out.slope(row, Var::L(n), mean.by_w * m.node_width_by_length(j));
+        let (near, far) = match j {
+            0 => ((0, 1.5), (1, -0.5)),
+            _ if j == n => ((n - 1, 1.5), (n - 2, -0.5)),
+            _ => ((j - 1, 0.5), (j, 0.5)),
+        };
+        out.slope(row, Var::H(near.0), mean.by_h * near.1);
+        out.slope(row, Var::H(far.0), mean.by_h * far.1);
+    }
+}

@@ -1,0 +1,84 @@
+//! Taking the smoothing of the rheology's kinks to zero, at any mass balance. Knows no equation.
+//!
+//! |μ − μ_s| and the cut-off of g_loc have kinks, and the discrete problem has several roots because
+//! of them. The right root is the limit of the smoothed problem: with the kinks rounded by ε (see
+//! [`crate::physics::fluidity`]), ε goes from 1e-2 to 0 and each level is solved from the last.
+
+use crate::error::SolveError;
+use crate::newton::{Limits, Root};
+use crate::physics::fluidity::Relaxation;
+use crate::state::State;
+use crate::{Solver, Task};
+
+/// ε of the smoothing, from the first level to the model itself.
+pub(crate) const LEVELS: [f64; 14] =
+    [1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 0.0];
+
+/// What is being done, for errors.
+pub(crate) const STAGE: &str = "taking the smoothing of the rheology's kinks to zero";
+
+impl Solver {
+    /// Solves a task at every level below `reached`, at which the iterate is a root. Where a root ends
+    /// on a kink, the fluidity relaxes in pseudo-time to the one that takes over.
+    pub(crate) fn follow(&mut self, task: Task<'_>, reached: f64) -> Result<Root, SolveError> {
+        let mut root = None;
+        for level in LEVELS.into_iter().filter(|level| *level < reached) {
+            root = Some(self.solve_or_relax(task.smoothed(level), STAGE)?);
+        }
+        Ok(root.expect("the last level, 0, is below any other"))
+    }
+
+    /// Newton's method from the iterate; from where the fluidity relaxes to, if that fails.
+    pub(crate) fn solve_or_relax(
+        &mut self,
+        task: Task<'_>,
+        stage: &'static str,
+    ) -> Result<Root, SolveError> {
+        let limits = Limits { iterations: 15, ..Limits::default() };
+        let saved = self.newton.x.clone();
+        self.solve_from_iterate(task, limits, stage).or_else(|_| {
+            self.newton.x.copy_from_slice(&saved);
+            self.relax(task, stage)
+        })
+    }
+
+    /// Pseudo-time steps of the fluidity alone, until Newton's method converges without them.
+    fn relax(&mut self, task: Task<'_>, stage: &'static str) -> Result<Root, SolveError> {
+        const STEPS: usize = 80;
+        const GROWTH: f64 = 3.0;
+        const SHRINK: f64 = 0.1;
+        /// Pseudo-steps between this and its inverse, in units of Δx².
+        const RANGE: f64 = 1e6;
+
+        let limits = Limits { iterations: 15, ..Limits::default() };
+        let mut state = State::zeros(self.model.parameters.n_cells);
+        state.unpack(&self.newton.x);
+        let mut step = 1.0;
+        let mut failure = None;
+        for _ in 0..STEPS {
+            let relaxation = (step < RANGE).then(|| Relaxation {
+                fluidity_per_a: &state.fluidity_per_a,
+                rate_per_m2: 1.0 / (step * state.dx_m().powi(2)),
+            });
+            let relaxed = Task { relaxation, ..task };
+            match self.solve_from_iterate(relaxed, limits, stage) {
+                Ok(root) if relaxation.is_none() => return Ok(root),
+                Ok(_) => {
+                    state.unpack(&self.newton.x);
+                    step *= GROWTH;
+                }
+                Err(error) => {
+                    failure = Some(error);
+                    state.pack(&mut self.newton.x);
+                    step = step.min(RANGE) * SHRINK;
+                    if step < 1.0 / RANGE {
+                        break;
+                    }
+                }
+            }
+        }
+        Err(failure.unwrap_or(SolveError::UnusableState {
+            what: "its fluidity does not settle in pseudo-time".into(),
+        }))
+    }
+}

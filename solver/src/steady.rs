@@ -1,0 +1,289 @@
+//! Steady states, by the one rule that picks among the discrete roots. Knows no equation.
+//!
+//! The discrete problem has several roots; the right one is the limit of the smoothed problem (see the
+//! module `smoothing`). Its first level is reached by pseudo-transient steps whose length grows until Newton's method on the
+//! steady equations takes over, so that the start does not matter.
+
+use crate::error::SolveError;
+use crate::newton::{Limits, Root};
+use crate::params::ParameterError;
+use crate::physics::closure::UpstreamClosure;
+use crate::physics::continuity::MassBalance;
+use crate::smoothing::{self, LEVELS};
+use crate::state::State;
+use crate::{Model, Solution, Solver, Task, diagnostic};
+
+/// A mélange counts as collapsed when H₀ falls below this multiple of d, its thickness at the end …
+pub const COLLAPSE_THICKNESS_RATIO: f64 = 1.02;
+/// … or L below this multiple of d: a dozen icebergs in a row are no continuum.
+pub const COLLAPSE_LENGTH_RATIO: f64 = 12.0;
+
+/// How the search for a steady state ended. Every text is evidence in one sentence.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SteadyVerdict {
+    /// The steady state; `first_level` is the root at the first ε, from which a neighbour starts.
+    Converged {
+        /// The root the rule picks.
+        solution: Solution,
+        /// The root at the first level of smoothing.
+        first_level: State,
+    },
+    /// There is none: the mélange runs away to the size of its icebergs.
+    NoSteadyState(String),
+    /// The mélange would be at least as thick as the glacier.
+    Overthick(String),
+    /// The walls meet within the mélange.
+    FjordClosed(String),
+}
+
+/// How a pseudo-transient march ended.
+enum March {
+    Settled(Root),
+    Ended(Box<SteadyVerdict>),
+}
+
+/// Starts, tried in turn: thickness at the terminus as a share of the way from d to H_t, in
+/// [`diagnostic::balanced_wedge`].
+const STARTS: [f64; 4] = [0.2, 0.5, 0.08, 0.03];
+
+/// First pseudo-transient step, a.
+const FIRST_STEP_A: f64 = 0.02;
+/// First pseudo-transient step from a neighbour's root, a.
+const FIRST_STEP_WARM_A: f64 = 1.0;
+/// Steps longer than this hand over to Newton's method on the steady equations, a.
+const LONGEST_STEP_A: f64 = 10.0;
+/// Shorter steps than this mean that the march is stuck, a.
+const SHORTEST_STEP_A: f64 = 1e-9;
+/// Growth of the step after a success.
+const GROWTH: f64 = 2.0;
+/// Most steps of a march.
+const MARCH_STEPS: usize = 400;
+/// A march whose H₀ exceeds this multiple of H_t is given up as overthick.
+const RUNAWAY_THICKNESS_RATIO: f64 = 2.0;
+
+impl Model {
+    /// Refuses what has no steady state by construction.
+    pub fn check_steady(&self) -> Result<(), ParameterError> {
+        let p = self.parameters();
+        if p.terminus_velocity_m_per_a != p.calving_rate_m_per_a && !self.fjord().is_constant() {
+            return Err(ParameterError::Contradiction {
+                name: "calving_rate_m_per_a",
+                value: p.calving_rate_m_per_a,
+                permitted: format!(
+                    "a terminus that moves through a fjord of varying width has no steady state; \
+                     the terminus velocity ({} m a-1) or width_gradient = 0",
+                    p.terminus_velocity_m_per_a
+                ),
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Solver {
+    /// The steady state; `near` is a neighbour's root at the first level of smoothing, which saves
+    /// time and does not change the answer.
+    pub fn steady(&mut self, near: Option<&State>) -> Result<SteadyVerdict, SolveError> {
+        self.model.check_steady()?;
+        if self.model.closure == UpstreamClosure::Printed {
+            return Err(SolveError::ClosureLeavesFamily { closure: self.model.closure.name() });
+        }
+        self.iterations = 0;
+        if self.model.parameters.calving_flux_m2_per_a() == 0.0 {
+            let evidence = "no ice enters (calving rate 0), so the mélange has no steady length";
+            return Ok(SteadyVerdict::NoSteadyState(evidence.into()));
+        }
+        let n = self.model.parameters.n_cells;
+        if let Some(near) = near.filter(|s| s.check(n).is_ok())
+            && let Ok(March::Settled(_)) = self.march(near.clone(), FIRST_STEP_WARM_A, LEVELS[0])
+            && let Ok(verdict) = self.descend_from(LEVELS[0])
+        {
+            return Ok(verdict);
+        }
+        self.steady_cold()
+    }
+
+    fn steady_cold(&mut self) -> Result<SteadyVerdict, SolveError> {
+        let mut failure = None;
+        let mut collapses = 0;
+        for share in STARTS {
+            match self.steady_from_wedge(share) {
+                // Collapse is believed when it happens from a thicker start too: an unstable state
+                // may lie between the first start and the steady one.
+                Ok(verdict @ SteadyVerdict::NoSteadyState(_)) => {
+                    collapses += 1;
+                    if collapses == 2 {
+                        return Ok(verdict);
+                    }
+                }
+                Ok(verdict) => return Ok(verdict),
+                Err(error) => failure = failure.or(Some(error)),
+            }
+        }
+        Err(failure.expect("a start that neither ends nor fails twice does not exist"))
+    }
+
+    fn steady_from_wedge(&mut self, share: f64) -> Result<SteadyVerdict, SolveError> {
+        let p = self.model.parameters;
+        let thickness_0_m = p.d_m + share * (p.terminus_thickness_m - p.d_m);
+        let (thickness, length_m) = diagnostic::balanced_wedge(&self.model, thickness_0_m);
+        // A collapse of the smoothed mélange is believed only if a less smoothed one collapses too.
+        let mut last = None;
+        for reached in [1, 3] {
+            let levels = &LEVELS[..reached];
+            let start = self.diagnostic_at(&thickness, length_m, levels)?;
+            let smoothing = levels[reached - 1];
+            match self.march(start, FIRST_STEP_A, smoothing)? {
+                March::Settled(_) => return self.descend_from(smoothing),
+                March::Ended(verdict) if matches!(*verdict, SteadyVerdict::NoSteadyState(_)) => {
+                    last = Some(*verdict);
+                }
+                March::Ended(verdict) => return Ok(*verdict),
+            }
+        }
+        Ok(last.expect("the loop ran"))
+    }
+
+    /// Pseudo-transient steps at one level of smoothing, until Newton's method on the steady
+    /// equations settles from where they lead; the iterate is then its root.
+    fn march(
+        &mut self,
+        start: State,
+        first_dt_a: f64,
+        smoothing: f64,
+    ) -> Result<March, SolveError> {
+        let stage = "marching towards the steady state";
+        let limits = Limits { iterations: 15, ..Limits::default() };
+        let mut state = start;
+        let mut dt_a = first_dt_a;
+        let mut time_a = 0.0;
+        let mut failure = None;
+        // Steps that fail however short they are lack a root nearby in the fluidity, not in time.
+        let mut careful = false;
+        for _ in 0..MARCH_STEPS {
+            state.pack(&mut self.newton.x);
+            let balance = if dt_a > LONGEST_STEP_A {
+                MassBalance::Steady
+            } else {
+                MassBalance::Step {
+                    dt_a,
+                    thickness_m: &state.thickness_m,
+                    length_m: state.length_m,
+                }
+            };
+            let task = Task::new(balance).smoothed(smoothing);
+            let outcome = if careful && dt_a <= LONGEST_STEP_A {
+                self.solve_or_relax(task, stage)
+            } else {
+                self.solve_from_iterate(task, limits, stage)
+            };
+            match outcome {
+                Ok(root) if matches!(balance, MassBalance::Steady) => {
+                    return Ok(March::Settled(root));
+                }
+                Ok(_) => {
+                    state.unpack(&self.newton.x);
+                    time_a += dt_a;
+                    dt_a *= GROWTH;
+                    if let Some(verdict) = self.runaway(&state, time_a) {
+                        return Ok(March::Ended(Box::new(verdict)));
+                    }
+                }
+                Err(error) => {
+                    dt_a = 0.25 * dt_a.min(LONGEST_STEP_A);
+                    careful |= dt_a < first_dt_a;
+                    failure = Some(error);
+                    if dt_a < SHORTEST_STEP_A {
+                        break;
+                    }
+                }
+            }
+        }
+        let closes_at_m = self.model.fjord.closes_at_m();
+        /// Share of the fjord that a mélange fills when it is said to reach its end.
+        const FILLED: f64 = 0.8;
+        if state.length_m > FILLED * closes_at_m {
+            return Ok(March::Ended(Box::new(SteadyVerdict::FjordClosed(format!(
+                "the mélange grows to {:.0} m, where the walls, which meet at {closes_at_m:.0} m, stop it",
+                state.length_m
+            )))));
+        }
+        Err(failure.unwrap_or(SolveError::NotConverged {
+            stage,
+            iterations: self.iterations,
+            residual_norm: f64::NAN,
+            reason: crate::error::NewtonFailure::TooManyIterations,
+            history: Vec::new(),
+        }))
+    }
+
+    /// Whether a march has left what can become a steady state.
+    fn runaway(&self, s: &State, time_a: f64) -> Option<SteadyVerdict> {
+        let p = &self.model.parameters;
+        let h0 = s.thickness_0_m();
+        if collapsed(&self.model, s) {
+            return Some(SteadyVerdict::NoSteadyState(format!(
+                "every march collapses; the last one within {time_a:.3} a, at L = {:.0} m and H0 = {h0:.2} m",
+                s.length_m
+            )));
+        }
+        (h0 > RUNAWAY_THICKNESS_RATIO * p.terminus_thickness_m).then(|| {
+            SteadyVerdict::Overthick(format!(
+                "the mélange grows past {h0:.0} m at the terminus, which is {} m thick",
+                p.terminus_thickness_m
+            ))
+        })
+    }
+
+    /// Follows the root in the iterate, at level `reached`, to the model itself.
+    fn descend_from(&mut self, reached: f64) -> Result<SteadyVerdict, SolveError> {
+        let p = self.model.parameters;
+        let mut first_level = State::zeros(p.n_cells);
+        first_level.unpack(&self.newton.x);
+        let root = match self.follow_steady(reached)? {
+            Ok(root) => root,
+            Err(verdict) => return Ok(verdict),
+        };
+        let solution = self.solution(root);
+        let h0 = solution.state.thickness_0_m();
+        if h0 >= p.terminus_thickness_m {
+            return Ok(SteadyVerdict::Overthick(format!(
+                "the steady state would be {h0:.1} m thick at the terminus, which is {} m thick",
+                p.terminus_thickness_m
+            )));
+        }
+        if collapsed(&self.model, &solution.state) {
+            return Ok(SteadyVerdict::NoSteadyState(format!(
+                "the only steady state found is {:.0} m long and {h0:.2} m thick, no longer a mélange",
+                solution.state.length_m
+            )));
+        }
+        Ok(SteadyVerdict::Converged { solution, first_level })
+    }
+
+    /// Takes a steady root from level `reached` of the smoothing to the model itself. Where the root
+    /// ends, the mélange marches on to the state that takes over, or to a verdict.
+    fn follow_steady(&mut self, reached: f64) -> Result<Result<Root, SteadyVerdict>, SolveError> {
+        let mut state = State::zeros(self.model.parameters.n_cells);
+        let limits = Limits { iterations: 12, ..Limits::default() };
+        let mut root = None;
+        for level in LEVELS.into_iter().filter(|level| *level < reached) {
+            state.unpack(&self.newton.x);
+            let task = Task::new(MassBalance::Steady).smoothed(level);
+            match self.solve_from_iterate(task, limits, smoothing::STAGE) {
+                Ok(found) => root = Some(found),
+                Err(_) => match self.march(state.clone(), FIRST_STEP_A, level)? {
+                    March::Settled(found) => root = Some(found),
+                    March::Ended(verdict) => return Ok(Err(*verdict)),
+                },
+            }
+        }
+        Ok(Ok(root.expect("the last level, 0, is below any other")))
+    }
+}
+
+/// Whether a state counts as collapsed.
+pub fn collapsed(model: &Model, s: &State) -> bool {
+    let d = model.parameters().d_m;
+    s.thickness_0_m() <= COLLAPSE_THICKNESS_RATIO * d || s.length_m <= COLLAPSE_LENGTH_RATIO * d
+}

@@ -1,0 +1,70 @@
+//! The root rule: one answer, whatever the start.
+
+use crate::{assert_all_close, assert_close, converged, model, steady};
+use melange_solver::Solver;
+use melange_solver::force::yielding_fraction;
+use melange_solver::steady::SteadyVerdict;
+
+#[test]
+fn the_base_case_ends_on_the_right_root() {
+    let m = model(|_| ());
+    let solution = steady(m);
+    assert_close("H0", solution.state.thickness_0_m(), 149.415357782, 1e-10);
+    assert_close("L", solution.state.length_m, 12_048.003906789, 1e-10);
+    assert_eq!(yielding_fraction(&m, &solution.state), 1.0);
+    assert!(solution.residual_norm < 1e-9, "{}", solution.residual_norm);
+}
+
+#[test]
+fn walking_through_neighbours_up_or_down_does_not_change_the_answer() {
+    let melts: Vec<f64> = (0..=20).map(|i| 0.5 + 0.5 * i as f64 / 20.0).collect();
+    let cold: Vec<_> =
+        melts.iter().map(|melt| steady(model(|p| p.melt_rate_m_per_day = *melt)).state).collect();
+    for down in [false, true] {
+        let mut solver = Solver::new(model(|_| ()));
+        let mut near = None;
+        let mut order: Vec<usize> = (0..melts.len()).collect();
+        if down {
+            order.reverse();
+        }
+        for i in order {
+            solver.retarget(model(|p| p.melt_rate_m_per_day = melts[i]));
+            let verdict = solver.steady(near.as_ref()).expect("a verdict");
+            let SteadyVerdict::Converged { solution, first_level } = verdict else {
+                panic!("melt {} has a steady state", melts[i]);
+            };
+            assert_close("L", solution.state.length_m, cold[i].length_m, 1e-9);
+            let fluidity = &solution.state.fluidity_per_a;
+            assert_all_close("g", fluidity, &cold[i].fluidity_per_a, 1e-9);
+            near = Some(first_level);
+        }
+    }
+}
+
+/// Points at which a smoothed root ends on a kink of the last interior cell's fluidity, so that
+/// Newton's method alone stalls; found by a grid over melt, width and gradient.
+#[test]
+fn roots_that_end_on_a_kink_are_passed() {
+    for (melt, width, gradient) in [
+        (0.8526315789473684, 2500.0, 0.04),
+        (1.0105263157894737, 3684.2105263157896, 0.0),
+        (1.7210526315789474, 3210.5263157894738, 0.0),
+    ] {
+        let m = model(|p| {
+            (p.melt_rate_m_per_day, p.width_m, p.width_gradient) = (melt, width, gradient);
+        });
+        let cold = steady(m);
+        assert!(cold.residual_norm < 1e-9);
+        let near = model(|p| {
+            (p.melt_rate_m_per_day, p.width_m, p.width_gradient) = (melt * 0.99, width, gradient);
+        });
+        let mut solver = Solver::new(near);
+        let verdict = solver.steady(None).expect("a verdict");
+        let SteadyVerdict::Converged { first_level, .. } = verdict else {
+            panic!("the neighbour has a steady state");
+        };
+        solver.retarget(m);
+        let warm = converged(solver.steady(Some(&first_level)).expect("a verdict"));
+        assert_close("H0", warm.state.thickness_0_m(), cold.state.thickness_0_m(), 1e-9);
+    }
+}

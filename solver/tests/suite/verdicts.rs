@@ -1,0 +1,92 @@
+//! Verdicts of physics: what has no steady state says so, and a transient ends where it ends.
+
+use crate::model;
+use melange_solver::diagnostic::wedge;
+use melange_solver::error::SolveError;
+use melange_solver::params::Parameters;
+use melange_solver::physics::closure::UpstreamClosure;
+use melange_solver::steady::SteadyVerdict;
+use melange_solver::transient::{Ending, FixedSteps};
+use melange_solver::{Model, Solver};
+use std::ops::ControlFlow;
+
+fn verdict(m: Model) -> SteadyVerdict {
+    Solver::new(m).steady(None).expect("the solve ends in a verdict")
+}
+
+#[test]
+fn strong_melt_in_a_wide_fjord_has_no_steady_state() {
+    let m = model(|p| (p.melt_rate_m_per_day, p.width_m) = (1.8, 7000.0));
+    assert!(matches!(verdict(m), SteadyVerdict::NoSteadyState(_)));
+    let m = model(|p| (p.calving_rate_m_per_a, p.terminus_velocity_m_per_a) = (0.0, 0.0));
+    assert!(matches!(verdict(m), SteadyVerdict::NoSteadyState(_)));
+}
+
+#[test]
+fn little_melt_in_a_narrow_fjord_is_overthick() {
+    let m = model(|p| (p.melt_rate_m_per_day, p.width_m) = (0.3, 2500.0));
+    assert!(matches!(verdict(m), SteadyVerdict::Overthick(_)));
+}
+
+#[test]
+fn the_printed_closure_is_refused_for_a_steady_state() {
+    let m = Model::new(Parameters::default(), UpstreamClosure::Printed).expect("parameters");
+    let error = Solver::new(m).steady(None).expect_err("a family of states");
+    assert!(matches!(error, SolveError::ClosureLeavesFamily { closure: "printed" }));
+}
+
+#[test]
+fn a_moving_terminus_needs_a_fjord_of_constant_width_for_a_steady_state() {
+    let moving = |gradient: f64| {
+        model(|p| (p.terminus_velocity_m_per_a, p.width_gradient) = (7000.0, gradient))
+    };
+    assert!(matches!(verdict(moving(0.0)), SteadyVerdict::Converged { .. }));
+    let error = Solver::new(moving(0.01)).steady(None).expect_err("not steady in any frame");
+    assert!(error.to_string().contains("calving_rate_m_per_a"), "{error}");
+}
+
+#[test]
+fn a_transient_past_the_critical_melt_collapses_at_a_time() {
+    let m = model(|p| {
+        (p.melt_rate_m_per_day, p.width_m, p.n_cells) = (1.8, 7000.0, 20);
+    });
+    let mut solver = Solver::new(m);
+    let start = solver.diagnostic(&wedge(&m, 75.0), 1e4).expect("a start");
+    let mut moments = 0;
+    let mut last_length = f64::INFINITY;
+    let mut watch = |moment: melange_solver::observe::Moment<'_>| {
+        moments += 1;
+        last_length = moment.state.length_m;
+        ControlFlow::Continue(())
+    };
+    let plan = FixedSteps { dt_a: 0.01, count: 1000 };
+    let end = solver.transient(start.state, plan, &mut watch).expect("a verdict");
+    assert_eq!(end.ending, Ending::Collapsed);
+    assert!(end.time_a > 0.0 && end.time_a < 10.0, "{}", end.time_a);
+    assert!(moments < 1000 && last_length < 1000.0, "{moments} {last_length}");
+}
+
+#[test]
+fn a_transient_stays_on_its_steady_state() {
+    let m = model(|p| p.n_cells = 20);
+    let mut solver = Solver::new(m);
+    let start = crate::steady(m).state;
+    let plan = FixedSteps { dt_a: 0.1, count: 20 };
+    let mut ignore = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
+    let end = solver.transient(start.clone(), plan, &mut ignore).expect("twenty steps");
+    assert_eq!(end.ending, Ending::Completed);
+    crate::assert_close("H0", end.state.thickness_0_m(), start.thickness_0_m(), 1e-9);
+}
+
+#[test]
+fn an_observer_stops_a_transient() {
+    let m = model(|p| p.n_cells = 20);
+    let mut solver = Solver::new(m);
+    let start = crate::steady(m).state;
+    let plan = FixedSteps { dt_a: 0.1, count: 20 };
+    let mut stop = |moment: melange_solver::observe::Moment<'_>| {
+        if moment.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let error = solver.transient(start, plan, &mut stop).expect_err("stopped");
+    assert!(matches!(error, SolveError::Stopped { time_a } if (time_a - 0.3).abs() < 1e-12));
+}
