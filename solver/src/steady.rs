@@ -96,10 +96,11 @@ impl Solver {
         let n = self.model.parameters.n_cells;
         if let Some(near) = near.filter(|s| s.check(n).is_ok())
             && let Ok(March::Settled(_)) = self.march(near.clone(), FIRST_STEP_WARM_A, LEVELS[0])
-            && let Ok(verdict) = self.descend_from(LEVELS[0])
+            && let Ok(verdict @ SteadyVerdict::Converged { .. }) = self.descend_from(LEVELS[0])
         {
             return Ok(verdict);
         }
+        // A neighbour that leads nowhere says nothing about this mélange.
         self.steady_cold()
     }
 

@@ -1,0 +1,236 @@
+//! The result of one run, as stored and as shown. Numbers that do not exist are `None`, never NaN.
+
+use super::status::Status;
+use melange_solver::params::{PARAMETERS, Parameters};
+use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
+use utoipa::ToSchema;
+
+/// A run's result.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct Outcome {
+    /// How it ended.
+    pub status: Status,
+    /// One sentence on it.
+    pub detail: String,
+    /// All parameters, effective.
+    #[schema(value_type = std::collections::BTreeMap<String, f64>)]
+    pub parameters: EffectiveParameters,
+    /// The regime solved in.
+    pub regime: String,
+    /// The closure at the terminus.
+    pub upstream_closure: String,
+    /// The numbers of the last state.
+    #[serde(flatten)]
+    pub scalars: Scalars,
+    /// Newton iterations.
+    pub iterations: u64,
+    /// Which rule picked the root.
+    pub root_evidence: Option<String>,
+    /// Last state.
+    pub profile: Option<Profile>,
+    /// Time series; only of a transient.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub series: Option<Series>,
+    /// Stored states; only of a transient.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub states: Option<Vec<StoredState>>,
+}
+
+/// Parameters, written by the solver's table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EffectiveParameters(pub Parameters);
+
+impl Serialize for EffectiveParameters {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(PARAMETERS.len()))?;
+        for info in &PARAMETERS {
+            let value = (info.get)(&self.0);
+            if info.whole {
+                map.serialize_entry(info.name, &(value as u64))?;
+            } else {
+                map.serialize_entry(info.name, &value)?;
+            }
+        }
+        map.end()
+    }
+}
+
+macro_rules! scalars {
+    ($($field:ident: $unit:literal, $meaning:literal;)*) => {
+        /// The numbers of a result; units and meanings in [`SCALARS`].
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, ToSchema)]
+        pub struct Scalars {
+            $(#[doc = $meaning] pub $field: Option<f64>,)*
+        }
+
+        /// Name, unit and meaning of each number of a result, in stored order.
+        pub const SCALARS: &[ScalarInfo] = &[
+            $(ScalarInfo {
+                name: stringify!($field),
+                unit: $unit,
+                meaning: $meaning,
+                get: |s| s.$field,
+                set: |s, v| s.$field = v,
+            },)*
+        ];
+    };
+}
+
+/// One number of a result.
+#[derive(Debug, Clone, Copy)]
+pub struct ScalarInfo {
+    /// Name at every boundary.
+    pub name: &'static str,
+    /// Unit, "1" for dimensionless.
+    pub unit: &'static str,
+    /// Meaning, with the paper's symbol.
+    pub meaning: &'static str,
+    /// Reads it.
+    pub get: fn(&Scalars) -> Option<f64>,
+    /// Writes it.
+    pub set: fn(&mut Scalars, Option<f64>),
+}
+
+scalars! {
+    length_m: "m", "length L of the melange";
+    thickness_0_m: "m", "thickness H_0 at the terminus, extrapolated";
+    force_n_per_m: "N m-1", "buttressing force per unit width F/W, Eq. 30";
+    force_quasi_static_n_per_m: "N m-1", "estimate of F/W that leaves out stretching";
+    velocity_end_m_per_a: "m a-1", "velocity U_L at the end, in the terminus frame";
+    volume_m3: "m3", "volume of the melange";
+    residual_norm: "1", "2-norm of the nondimensional residual";
+    mass_budget_defect: "1", "relative defect of the steady mass budget";
+    yielding_fraction: "1", "share of interior cells with mu > mu_s";
+    end_time_a: "a", "time at which a transient ended";
+}
+
+impl Scalars {
+    /// Replaces numbers that are not finite by none.
+    pub fn finite(mut self) -> Self {
+        for info in SCALARS {
+            if (info.get)(&self).is_some_and(|v| !v.is_finite()) {
+                (info.set)(&mut self, None);
+            }
+        }
+        self
+    }
+}
+
+/// A state on the grid. Node arrays have N + 1 values, cell arrays N.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, ToSchema)]
+pub struct Profile {
+    /// Positions of the nodes, m from the terminus.
+    pub node_x_m: Vec<f64>,
+    /// U at nodes, m a⁻¹, in the terminus frame.
+    pub velocity_m_per_a: Vec<f64>,
+    /// μ_w at nodes.
+    pub mu_w: Vec<f64>,
+    /// Positions of the cells' centres, m from the terminus.
+    pub cell_x_m: Vec<f64>,
+    /// H in cells, m.
+    pub thickness_m: Vec<f64>,
+    /// g^x in cells, a⁻¹.
+    pub fluidity_per_a: Vec<f64>,
+}
+
+/// One array of a profile.
+#[derive(Debug, Clone, Copy)]
+pub struct ProfileInfo {
+    /// Name at every boundary.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Meaning.
+    pub meaning: &'static str,
+    /// Reads it.
+    pub get: fn(&Profile) -> &Vec<f64>,
+    /// Writes it.
+    pub set: fn(&mut Profile, Vec<f64>),
+}
+
+macro_rules! profile_info {
+    ($field:ident, $unit:literal, $meaning:literal) => {
+        ProfileInfo {
+            name: stringify!($field),
+            unit: $unit,
+            meaning: $meaning,
+            get: |p| &p.$field,
+            set: |p, v| p.$field = v,
+        }
+    };
+}
+
+/// The arrays of a profile, in stored order.
+pub const PROFILE: [ProfileInfo; 6] = [
+    profile_info!(node_x_m, "m", "positions of the nodes from the terminus"),
+    profile_info!(velocity_m_per_a, "m a-1", "velocity U at the nodes, in the terminus frame"),
+    profile_info!(mu_w, "1", "friction coefficient mu_w at the walls, at the nodes"),
+    profile_info!(cell_x_m, "m", "positions of the cells' centres from the terminus"),
+    profile_info!(thickness_m, "m", "thickness H in the cells"),
+    profile_info!(fluidity_per_a, "a-1", "longitudinal granular fluidity g^x in the cells"),
+];
+
+/// A state of a transient.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct StoredState {
+    /// Time since the start, a.
+    pub time_a: f64,
+    /// The state.
+    pub profile: Profile,
+}
+
+macro_rules! series {
+    ($($field:ident: $unit:literal, $meaning:literal;)*) => {
+        /// Time series of a transient; all arrays have the same length.
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, ToSchema)]
+        pub struct Series {
+            $(#[doc = $meaning] pub $field: Vec<f64>,)*
+        }
+
+        /// The arrays of a series, in stored order.
+        pub const SERIES: &[SeriesInfo] = &[
+            $(SeriesInfo {
+                name: stringify!($field),
+                unit: $unit,
+                meaning: $meaning,
+                get: |s| &s.$field,
+                get_mut: |s| &mut s.$field,
+            },)*
+        ];
+    };
+}
+
+/// One array of a series.
+#[derive(Debug, Clone, Copy)]
+pub struct SeriesInfo {
+    /// Name at every boundary.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Meaning.
+    pub meaning: &'static str,
+    /// Reads it.
+    pub get: fn(&Series) -> &Vec<f64>,
+    /// Writes it.
+    pub get_mut: fn(&mut Series) -> &mut Vec<f64>,
+}
+
+series! {
+    time_a: "a", "time since the start";
+    length_m: "m", "length L of the melange";
+    thickness_0_m: "m", "thickness H_0 at the terminus, extrapolated";
+    force_n_per_m: "N m-1", "buttressing force per unit width F/W, Eq. 30";
+    force_quasi_static_n_per_m: "N m-1", "estimate of F/W that leaves out stretching";
+    velocity_end_m_per_a: "m a-1", "velocity U_L at the end, in the terminus frame";
+    volume_m3: "m3", "volume of the melange";
+    melt_rate_m_per_day: "m d-1", "melt rate in force";
+    calving_rate_m_per_a: "m a-1", "calving rate in force";
+}
+
+/// The outcome of bad input, which is shown and never stored.
+pub fn refused(refusal: &super::refusal::Refusal) -> serde_json::Value {
+    let mut value = serde_json::to_value(refusal).unwrap_or_default();
+    value["status"] = Status::Refused.name().into();
+    value
+}

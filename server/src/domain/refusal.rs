@@ -1,0 +1,81 @@
+//! Why an input is refused: the field, the value, and what would be permitted. Knows no transport.
+
+use melange_solver::params::{self, ParameterError};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// A refused input. Problem documents of the REST interface carry the same members.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema, thiserror::Error)]
+#[error("{detail}")]
+pub struct Refusal {
+    /// One sentence.
+    pub detail: String,
+    /// Path of the field, as in the document sent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+    /// The value found there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<serde_json::Value>,
+    /// What would be permitted there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub permitted: Option<String>,
+}
+
+impl Refusal {
+    /// A sentence about the document as a whole.
+    pub fn sentence(detail: impl Into<String>) -> Self {
+        Self { detail: detail.into(), field: None, value: None, permitted: None }
+    }
+
+    /// A field whose value is not permitted.
+    pub fn value(
+        field: impl Into<String>,
+        value: impl Into<serde_json::Value>,
+        permitted: impl Into<String>,
+    ) -> Self {
+        let (field, value, permitted) = (field.into(), value.into(), permitted.into());
+        Self {
+            detail: format!("`{field}` = {value} is refused: {permitted}"),
+            field: Some(field),
+            value: Some(value),
+            permitted: Some(permitted),
+        }
+    }
+
+    /// A number that is not permitted; JSON has no NaN, so the value is text where it must be.
+    pub fn number(field: impl Into<String>, value: f64, permitted: impl Into<String>) -> Self {
+        let shown = serde_json::Number::from_f64(value)
+            .map_or_else(|| value.to_string().into(), serde_json::Value::Number);
+        Self::value(field, shown, permitted)
+    }
+
+    /// A part of the interface that is not there yet.
+    pub fn not_yet(field: &str) -> Self {
+        Self {
+            detail: format!("`{field}` is part of the interface but not there yet; leave it out"),
+            field: Some(field.to_owned()),
+            value: None,
+            permitted: Some("nothing yet".to_owned()),
+        }
+    }
+
+    /// A parameter the solver's table refuses, found at `path`.
+    pub fn parameter(path: &str, error: &ParameterError) -> Self {
+        match error {
+            ParameterError::Unknown { name } => Self {
+                detail: error.to_string(),
+                field: Some(format!("{path}.{name}")),
+                value: None,
+                permitted: Some(
+                    params::PARAMETERS.map(|p| p.name).join(", ") + ", calving_flux_m2_per_a",
+                ),
+            },
+            ParameterError::OutOfRange { name, value } => {
+                Self::number(format!("{path}.{name}"), *value, params::permitted(name))
+            }
+            ParameterError::Contradiction { name, value, permitted } => {
+                Self::number(format!("{path}.{name}"), *value, permitted.clone())
+            }
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! Solves what the queue holds.
+
+pub mod solve;
