@@ -1,11 +1,19 @@
 //! `melange`, the ensemble service for ice mélange. Rooms in the order data flows through them;
 //! ARCHITECTURE.md says who may import whom, and a test keeps it true.
 
-mod domain;
-mod worker;
+mod analysis;
+mod archive;
 mod cli;
+mod domain;
+mod http;
+mod queue;
+mod store;
+mod worker;
 
 use std::process::ExitCode;
+
+/// Exit code of input or surroundings that cannot be used.
+const UNUSABLE: u8 = 2;
 
 #[tokio::main]
 async fn main() -> ExitCode {
@@ -13,7 +21,7 @@ async fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             eprintln!("melange: {error:#}");
-            ExitCode::FAILURE
+            ExitCode::from(UNUSABLE)
         }
     }
 }

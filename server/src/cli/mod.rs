@@ -1,9 +1,12 @@
 //! The command line: the composition root. It wires the rooms together and decides nothing.
 
 pub mod run;
+pub mod serve;
+pub mod sweep;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
 
 /// The ensemble service for ice mélange.
 #[derive(Debug, Parser)]
@@ -17,11 +20,23 @@ struct Arguments {
 enum Command {
     /// Solve one scenario and print its result.
     Run(run::Arguments),
+    /// Solve a sweep into a data directory.
+    Sweep(sweep::Arguments),
+    /// Serve the REST interface and the dashboard, and solve what is submitted.
+    Serve(serve::Arguments),
+    /// Serve, and queue the paper's melt sweep when the archive is empty.
+    Demo(serve::Arguments),
 }
 
 /// Runs the command given.
 pub async fn main() -> anyhow::Result<ExitCode> {
-    match Arguments::parse().command {
+    let arguments = Arguments::parse();
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    match arguments.command {
         Command::Run(arguments) => run::main(&arguments).await,
+        Command::Sweep(arguments) => sweep::main(&arguments).await,
+        Command::Serve(arguments) => serve::main(&arguments, false).await,
+        Command::Demo(arguments) => serve::main(&arguments, true).await,
     }
 }

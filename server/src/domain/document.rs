@@ -129,7 +129,8 @@ impl<'de> Deserialize<'de> for Entries {
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Entries, A::Error> {
                 let mut entries = Vec::new();
                 while let Some(name) = map.next_key::<String>()? {
-                    let value = map.next_value().map_err(|e| A::Error::custom(format!("`{name}`: {e}")))?;
+                    let value =
+                        map.next_value().map_err(|e| A::Error::custom(format!("`{name}`: {e}")))?;
                     entries.push((name, value));
                 }
                 Ok(Entries(entries))
@@ -178,8 +179,7 @@ impl<'de> Deserialize<'de> for Start {
             thickness_0_m: Option<f64>,
             run: Option<String>,
         }
-        const FORMS: &str =
-            r#""steady", {"length_m": …, "thickness_0_m": …} or {"run": "<id>"}"#;
+        const FORMS: &str = r#""steady", {"length_m": …, "thickness_0_m": …} or {"run": "<id>"}"#;
         struct Forms;
         impl<'de> Visitor<'de> for Forms {
             type Value = Start;
@@ -294,7 +294,8 @@ impl Document {
             json.end().map_err(|e| Refusal::sentence(e.to_string()))?;
             Ok(document)
         } else {
-            let toml = toml::Deserializer::parse(text).map_err(|e| Refusal::sentence(e.to_string()))?;
+            let toml =
+                toml::Deserializer::parse(text).map_err(|e| Refusal::sentence(e.to_string()))?;
             serde_path_to_error::deserialize(toml)
                 .map_err(|e| located(e.path().to_string(), e.inner().message().to_string()))
         }

@@ -48,7 +48,9 @@ impl Document {
             let field = if self.name.is_some() { "name" } else { "axes" };
             return Err(Refusal {
                 field: Some(field.into()),
-                ..Refusal::sentence(format!("`{field}` belongs to a sweep, and this is a single run"))
+                ..Refusal::sentence(format!(
+                    "`{field}` belongs to a sweep, and this is a single run"
+                ))
             });
         }
         self.run_with(&[], None)
@@ -69,12 +71,16 @@ impl Document {
         let parameters = effective_parameters(&self.parameters.0, point)?;
         let closure = match closure {
             Some(closure) => closure,
-            None => self.options.upstream_closure.as_deref().map_or(Ok(UpstreamClosure::default()), |name| {
-                closure_of_name("options.upstream_closure", name)
-            })?,
+            None => self
+                .options
+                .upstream_closure
+                .as_deref()
+                .map_or(Ok(UpstreamClosure::default()), |name| {
+                    closure_of_name("options.upstream_closure", name)
+                })?,
         };
-        let model = Model::new(parameters, closure)
-            .map_err(|e| Refusal::parameter("parameters", &e))?;
+        let model =
+            Model::new(parameters, closure).map_err(|e| Refusal::parameter("parameters", &e))?;
         let run = RunSpec {
             regime,
             parameters,
@@ -119,8 +125,9 @@ impl Document {
                 "other shapes than \"uniform\" are not there yet",
             ));
         }
-        if let Some(Regime::QuasiStatic | Regime::Branch | Regime::FoldCurve | Regime::Calibration) =
-            self.regime
+        if let Some(
+            Regime::QuasiStatic | Regime::Branch | Regime::FoldCurve | Regime::Calibration,
+        ) = self.regime
         {
             return Err(Refusal::value(
                 "regime",
@@ -176,7 +183,9 @@ impl Document {
             (Regime::Transient, Some(time)) => time.steps().map(Some),
             (Regime::Transient, None) => Err(Refusal {
                 field: Some("time".into()),
-                ..Refusal::sentence("`time` is missing: a transient run needs duration_a and fixed_dt_a")
+                ..Refusal::sentence(
+                    "`time` is missing: a transient run needs duration_a and fixed_dt_a",
+                )
             }),
             (_, None) => Ok(None),
             (_, Some(_)) => Err(Refusal {
@@ -198,7 +207,11 @@ impl Time {
             });
         };
         if !(1e-6..=10.0).contains(&dt_a) {
-            return Err(Refusal::number("time.fixed_dt_a", dt_a, "a finite number from 1e-6 to 10 a"));
+            return Err(Refusal::number(
+                "time.fixed_dt_a",
+                dt_a,
+                "a finite number from 1e-6 to 10 a",
+            ));
         }
         let whole = |field: &str, time_a: f64, least: f64| {
             let steps = time_a / dt_a;
@@ -245,9 +258,10 @@ impl RunSpec {
 
 /// The closure of a name.
 pub fn closure_of_name(field: &str, name: &str) -> Result<UpstreamClosure, Refusal> {
-    UpstreamClosure::ALL.into_iter().find(|c| c.name() == name).ok_or_else(|| {
-        Refusal::value(field, name, "published, printed or no_stretching")
-    })
+    UpstreamClosure::ALL
+        .into_iter()
+        .find(|c| c.name() == name)
+        .ok_or_else(|| Refusal::value(field, name, "published, printed or no_stretching"))
 }
 
 /// Defaults, overlaid with what the document and then the point give; no name twice.

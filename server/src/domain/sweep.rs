@@ -39,7 +39,11 @@ impl Document {
     pub fn into_sweep(self) -> Result<SweepSpec, Refusal> {
         let name_length = self.name.as_deref().unwrap_or_default().chars().count();
         if name_length > MAX_NAME {
-            return Err(Refusal::value("name", name_length, format!("at most {MAX_NAME} characters")));
+            return Err(Refusal::value(
+                "name",
+                name_length,
+                format!("at most {MAX_NAME} characters"),
+            ));
         }
         let mut axes: Vec<Points> = Vec::new();
         let mut count = 1_usize;
@@ -49,9 +53,15 @@ impl Document {
             axes.push(points);
         }
         if count > MAX_RUNS {
-            return Err(Refusal::value("axes", count, format!("a grid of at most {MAX_RUNS} runs")));
+            return Err(Refusal::value(
+                "axes",
+                count,
+                format!("a grid of at most {MAX_RUNS} runs"),
+            ));
         }
-        if self.options.upstream_closure.is_some() && axes.iter().any(|a| matches!(a, Points::Closure(_))) {
+        if self.options.upstream_closure.is_some()
+            && axes.iter().any(|a| matches!(a, Points::Closure(_)))
+        {
             return Err(Refusal {
                 field: Some("options.upstream_closure".into()),
                 ..Refusal::sentence("`upstream_closure` is given as an option and as an axis")
@@ -128,11 +138,9 @@ impl Axis {
             (None, Some(option)) if option == "upstream_closure" => {
                 Ok(Points::Closure(self.closures(field)?))
             }
-            (None, Some(option)) => Err(Refusal::value(
-                format!("{field}.option"),
-                option.as_str(),
-                "upstream_closure",
-            )),
+            (None, Some(option)) => {
+                Err(Refusal::value(format!("{field}.option"), option.as_str(), "upstream_closure"))
+            }
             _ => Err(Refusal {
                 field: Some(field.to_owned()),
                 ..Refusal::sentence(format!("`{field}` needs either `parameter` or `option`"))
@@ -146,7 +154,9 @@ impl Axis {
             _ => {
                 return Err(Refusal {
                     field: Some(field.to_owned()),
-                    ..Refusal::sentence(format!("`{field}` of an option needs `values` and nothing else"))
+                    ..Refusal::sentence(format!(
+                        "`{field}` of an option needs `values` and nothing else"
+                    ))
                 });
             }
         };
@@ -154,8 +164,9 @@ impl Axis {
         let mut closures = Vec::new();
         for name in names {
             let text = name.as_str().unwrap_or_default();
-            let closure = closure_of_name(&field, text)
-                .map_err(|_| Refusal::value(&field, name.clone(), "published, printed or no_stretching"))?;
+            let closure = closure_of_name(&field, text).map_err(|_| {
+                Refusal::value(&field, name.clone(), "published, printed or no_stretching")
+            })?;
             if closures.contains(&closure) {
                 return Err(Refusal::value(&field, text, "each value once"));
             }
@@ -227,9 +238,5 @@ fn spaced_point(first: f64, last: f64, n: usize, i: usize, log: bool) -> f64 {
         return last;
     }
     let t = i as f64 / (n - 1) as f64;
-    if log {
-        (first.ln() + (last.ln() - first.ln()) * t).exp()
-    } else {
-        first + (last - first) * t
-    }
+    if log { (first.ln() + (last.ln() - first.ln()) * t).exp() } else { first + (last - first) * t }
 }

@@ -65,10 +65,11 @@ impl Walker {
     /// Solves a run. `start` is the stored state that a run named as its start; a failure, even of the
     /// program, is an outcome.
     pub fn solve(&mut self, run: &RunSpec, start: Option<&Profile>) -> Outcome {
-        let ended = catch_unwind(AssertUnwindSafe(|| self.ended(run, start))).unwrap_or_else(|_| {
-            *self = Self::default();
-            Ended::verdict(Status::Failed, "the solver broke off: a defect to report".into())
-        });
+        let ended =
+            catch_unwind(AssertUnwindSafe(|| self.ended(run, start))).unwrap_or_else(|_| {
+                *self = Self::default();
+                Ended::verdict(Status::Failed, "the solver broke off: a defect to report".into())
+            });
         outcome(run, ended)
     }
 
@@ -127,20 +128,20 @@ impl Walker {
             },
             (None, Some(steady)) => steady,
             (None, None) => {
-                return Ended::verdict(Status::Failed, "the run has neither regime nor start".into());
+                return Ended::verdict(
+                    Status::Failed,
+                    "the run has neither regime nor start".into(),
+                );
             }
         };
         match (&run.steps, run.regime) {
             (Some(steps), _) => transient(solver, steps, solution).unwrap_or_else(failed),
             (None, Regime::Steady) => {
-                let detail = format!(
-                    "steady state after {} newton iterations, by the limit of the smoothed rheology",
-                    solution.iterations
-                );
+                let detail = "steady state, picked by the limit of the smoothed rheology".to_owned();
                 Ended::solved(solution, detail, Some(SMOOTHING_LIMIT))
             }
             (None, _) => {
-                let detail = format!("solved after {} newton iterations", solution.iterations);
+                let detail = "velocity, fluidity and friction solved at the given geometry".to_owned();
                 Ended::solved(solution, detail, Some(SMOOTHING_LIMIT))
             }
         }

@@ -1,0 +1,230 @@
+//! The Parquet schema, version 1: columns, units, meanings, and the arrays of solved runs. The tables
+//! of the domain say which columns there are.
+
+use super::SolvedRun;
+use crate::domain::outcome::{PROFILE, Profile, SCALARS, SERIES};
+use arrow_array::builder::{
+    BooleanBuilder, Float64Builder, Int64Builder, ListBuilder, StringBuilder,
+};
+use arrow_array::{ArrayRef, RecordBatch};
+use arrow_schema::{DataType, Field, Schema};
+use melange_solver::params::PARAMETERS;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Version of the schema, in the footer of each file and in the catalogue.
+pub const SCHEMA_VERSION: i64 = 1;
+
+/// The tables of the archive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// One row per run: parameters and scalars.
+    Runs,
+    /// One row per run and stored time: arrays on the grid.
+    Profiles,
+    /// One row per run and output time.
+    Series,
+}
+
+impl Kind {
+    /// All tables.
+    pub const ALL: [Kind; 3] = [Kind::Runs, Kind::Profiles, Kind::Series];
+
+    /// Name in file names and in the catalogue.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Runs => "runs",
+            Kind::Profiles => "profiles",
+            Kind::Series => "series",
+        }
+    }
+
+    /// The table's schema.
+    pub fn schema(self) -> Arc<Schema> {
+        let fields = match self {
+            Kind::Runs => run_fields(),
+            Kind::Profiles => profile_fields(),
+            Kind::Series => series_fields(),
+        };
+        let metadata = HashMap::from([
+            ("melange_schema_version".to_owned(), SCHEMA_VERSION.to_string()),
+            ("melange_table".to_owned(), self.name().to_owned()),
+        ]);
+        Arc::new(Schema::new_with_metadata(fields, metadata))
+    }
+
+    /// The runs as rows of the table.
+    pub fn batch(self, runs: &[SolvedRun]) -> RecordBatch {
+        let columns = match self {
+            Kind::Runs => run_columns(runs),
+            Kind::Profiles => profile_columns(runs),
+            Kind::Series => series_columns(runs),
+        };
+        RecordBatch::try_new(self.schema(), columns)
+            .expect("columns are built from the schema's tables")
+    }
+}
+
+fn field(name: &str, kind: DataType, nullable: bool, unit: &str, meaning: &str) -> Field {
+    Field::new(name, kind, nullable).with_metadata(HashMap::from([
+        ("unit".to_owned(), unit.to_owned()),
+        ("meaning".to_owned(), meaning.to_owned()),
+    ]))
+}
+
+fn run_id_field() -> Field {
+    let meaning = "identity of the run: blake3 of model version, options and parameters";
+    field("run_id", DataType::Utf8, false, "1", meaning)
+}
+
+fn run_fields() -> Vec<Field> {
+    let mut fields = vec![
+        run_id_field(),
+        field("run_index", DataType::Int64, false, "1", "place of the run in its sweep"),
+        field("status", DataType::Utf8, false, "1", "how the run ended"),
+        field("detail", DataType::Utf8, false, "1", "one sentence on how the run ended"),
+        field("regime", DataType::Utf8, false, "1", "what was solved for"),
+        field("upstream_closure", DataType::Utf8, false, "1", "closure at the terminus"),
+    ];
+    for p in &PARAMETERS {
+        let kind = if p.whole { DataType::Int64 } else { DataType::Float64 };
+        fields.push(field(p.name, kind, false, p.unit, p.meaning));
+    }
+    for s in SCALARS {
+        fields.push(field(s.name, DataType::Float64, true, s.unit, s.meaning));
+    }
+    fields.push(field("iterations", DataType::Int64, false, "1", "Newton iterations"));
+    fields.push(field("root_evidence", DataType::Utf8, true, "1", "rule that picked the root"));
+    fields
+}
+
+fn run_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
+    let text = |get: fn(&SolvedRun) -> Option<&str>| -> ArrayRef {
+        let mut column = StringBuilder::new();
+        runs.iter().for_each(|r| column.append_option(get(r)));
+        Arc::new(column.finish())
+    };
+    let whole = |get: &dyn Fn(&SolvedRun) -> i64| -> ArrayRef {
+        let mut column = Int64Builder::new();
+        runs.iter().for_each(|r| column.append_value(get(r)));
+        Arc::new(column.finish())
+    };
+    let real = |get: &dyn Fn(&SolvedRun) -> Option<f64>| -> ArrayRef {
+        let mut column = Float64Builder::new();
+        runs.iter().for_each(|r| column.append_option(get(r)));
+        Arc::new(column.finish())
+    };
+    let mut columns = vec![
+        text(|r| Some(&r.run_id)),
+        whole(&|r| r.run_index as i64),
+        text(|r| Some(r.outcome.status.name())),
+        text(|r| Some(&r.outcome.detail)),
+        text(|r| Some(&r.outcome.regime)),
+        text(|r| Some(&r.outcome.upstream_closure)),
+    ];
+    for p in &PARAMETERS {
+        columns.push(if p.whole {
+            whole(&|r| (p.get)(&r.outcome.parameters.0) as i64)
+        } else {
+            real(&|r| Some((p.get)(&r.outcome.parameters.0)))
+        });
+    }
+    for s in SCALARS {
+        columns.push(real(&|r| (s.get)(&r.outcome.scalars)));
+    }
+    columns.push(whole(&|r| r.outcome.iterations as i64));
+    columns.push(text(|r| r.outcome.root_evidence.as_deref()));
+    columns
+}
+
+fn list_of_numbers() -> DataType {
+    DataType::List(Arc::new(Field::new("item", DataType::Float64, true)))
+}
+
+fn profile_fields() -> Vec<Field> {
+    let mut fields = vec![
+        run_id_field(),
+        field(
+            "time_a",
+            DataType::Float64,
+            true,
+            "a",
+            "time since the start; null if there is no time",
+        ),
+        field(
+            "requested",
+            DataType::Boolean,
+            false,
+            "1",
+            "whether the time was asked for; false for the last state of a transient that was not",
+        ),
+    ];
+    for p in &PROFILE {
+        fields.push(field(p.name, list_of_numbers(), false, p.unit, p.meaning));
+    }
+    fields
+}
+
+/// The stored states of a run: time, whether it was asked for, state. The last one is the profile of
+/// the result.
+fn stored_states(run: &SolvedRun) -> Vec<(Option<f64>, bool, &Profile)> {
+    let o = &run.outcome;
+    let mut rows: Vec<(Option<f64>, bool, &Profile)> =
+        o.states.iter().flatten().map(|s| (Some(s.time_a), true, &s.profile)).collect();
+    if let Some(last) = &o.profile {
+        let time_a = o.scalars.end_time_a;
+        if time_a.is_none() || rows.last().is_none_or(|(t, _, _)| *t != time_a) {
+            rows.push((time_a, time_a.is_none(), last));
+        }
+    }
+    rows
+}
+
+fn profile_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
+    let mut ids = StringBuilder::new();
+    let mut times = Float64Builder::new();
+    let mut requested = BooleanBuilder::new();
+    let mut arrays = PROFILE.map(|_| ListBuilder::new(Float64Builder::new()));
+    for run in runs {
+        for (time_a, asked_for, profile) in stored_states(run) {
+            ids.append_value(&run.run_id);
+            times.append_option(time_a);
+            requested.append_value(asked_for);
+            for (info, array) in PROFILE.iter().zip(&mut arrays) {
+                array.values().append_slice((info.get)(profile));
+                array.append(true);
+            }
+        }
+    }
+    let mut columns: Vec<ArrayRef> =
+        vec![Arc::new(ids.finish()), Arc::new(times.finish()), Arc::new(requested.finish())];
+    columns.extend(arrays.iter_mut().map(|a| Arc::new(a.finish()) as ArrayRef));
+    columns
+}
+
+fn series_fields() -> Vec<Field> {
+    let mut fields = vec![run_id_field()];
+    for s in SERIES {
+        fields.push(field(s.name, DataType::Float64, true, s.unit, s.meaning));
+    }
+    fields
+}
+
+fn series_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
+    let mut ids = StringBuilder::new();
+    let mut arrays: Vec<Float64Builder> = SERIES.iter().map(|_| Float64Builder::new()).collect();
+    for run in runs {
+        let Some(series) = &run.outcome.series else { continue };
+        for _ in &series.time_a {
+            ids.append_value(&run.run_id);
+        }
+        for (info, array) in SERIES.iter().zip(&mut arrays) {
+            for value in (info.get)(series) {
+                array.append_option(Some(*value).filter(|v| v.is_finite()));
+            }
+        }
+    }
+    let mut columns: Vec<ArrayRef> = vec![Arc::new(ids.finish())];
+    columns.extend(arrays.iter_mut().map(|a| Arc::new(a.finish()) as ArrayRef));
+    columns
+}

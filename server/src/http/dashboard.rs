@@ -1,0 +1,35 @@
+//! The dashboard's files, embedded in the binary. Nothing is fetched from elsewhere.
+
+use super::error::Problem;
+use axum::http::{Method, Uri, header};
+use axum::response::{IntoResponse, Response};
+use rust_embed::RustEmbed;
+
+#[derive(RustEmbed)]
+#[folder = "../web/dist"]
+struct Assets;
+
+/// A file of the dashboard; its page at `/`.
+pub async fn file(method: Method, uri: Uri) -> Response {
+    let path = uri.path().trim_start_matches('/');
+    let path = if path.is_empty() { "index.html" } else { path };
+    if method != Method::GET && method != Method::HEAD {
+        return Problem::not_found("resource", uri.path()).into_response();
+    }
+    match Assets::get(path) {
+        Some(asset) => {
+            // Vite puts a hash of the content into the names below assets/.
+            let cache = if path.starts_with("assets/") {
+                "public, max-age=31536000, immutable"
+            } else {
+                "no-cache"
+            };
+            let headers = [
+                (header::CONTENT_TYPE, asset.metadata.mimetype().to_owned()),
+                (header::CACHE_CONTROL, cache.to_owned()),
+            ];
+            (headers, asset.data.into_owned()).into_response()
+        }
+        None => Problem::not_found("resource", uri.path()).into_response(),
+    }
+}

@@ -1,0 +1,94 @@
+//! The REST interface and the dashboard's files. Knows the queue and the archive, not the solver and
+//! not the workers.
+
+pub mod dashboard;
+pub mod error;
+pub mod runs;
+pub mod sweeps;
+
+use crate::store::Store;
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::routing::get;
+use error::Problem;
+use std::sync::Arc;
+use tokio::sync::Notify;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::trace::TraceLayer;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+use utoipa_swagger_ui::SwaggerUi;
+
+/// What the handlers share.
+#[derive(Debug, Clone)]
+pub struct Service {
+    /// The data directory.
+    pub store: Store,
+    /// Wakes the workers when a sweep comes in.
+    pub wake: Arc<Notify>,
+    /// Number of worker threads, for cutting sweeps into chunks.
+    pub workers: usize,
+}
+
+/// Largest body of a request: a sweep of 100,000 listed values fits.
+const BODY_BYTES: usize = 4 << 20;
+
+#[derive(OpenApi)]
+#[openapi(info(
+    title = "melange",
+    description = "Parameter sweeps and ensembles of the quasi-one-dimensional ice mélange model of \
+                   Amundson et al. (2025). Errors are application/problem+json."
+))]
+struct Api;
+
+/// All routes.
+pub fn router(service: Service) -> Router {
+    let (router, api) = documented().split_for_parts();
+    router
+        .route("/api/v1/openapi.json", get(openapi))
+        .fallback(dashboard::file)
+        .with_state(service)
+        .merge(SwaggerUi::new("/api/v1/docs").url("/api/v1/docs/openapi.json", api))
+        .layer(DefaultBodyLimit::max(BODY_BYTES))
+        .layer(CompressionLayer::new())
+        .layer(CatchPanicLayer::custom(|_: Box<dyn std::any::Any + Send>| Problem::broken()))
+        .layer(TraceLayer::new_for_http())
+}
+
+fn documented() -> OpenApiRouter<Service> {
+    OpenApiRouter::with_openapi(Api::openapi()).routes(routes!(health)).nest(
+        "/api/v1",
+        OpenApiRouter::new()
+            .routes(routes!(sweeps::submit, sweeps::list))
+            .routes(routes!(sweeps::one))
+            .routes(routes!(sweeps::fit))
+            .routes(routes!(sweeps::verb))
+            .routes(routes!(sweeps::events))
+            .routes(routes!(runs::of_sweep))
+            .routes(routes!(runs::runs_parquet))
+            .routes(routes!(runs::runs_csv))
+            .routes(routes!(runs::profiles_parquet))
+            .routes(routes!(runs::series_parquet))
+            .routes(routes!(runs::one)),
+    )
+}
+
+async fn openapi() -> axum::Json<utoipa::openapi::OpenApi> {
+    axum::Json(documented().into_openapi())
+}
+
+/// Whether the service is up and its database answers.
+#[utoipa::path(get, path = "/health", responses((status = 200, description = "Up", body = Object)))]
+async fn health(
+    axum::extract::State(service): axum::extract::State<Service>,
+) -> Result<axum::Json<serde_json::Value>, Problem> {
+    let mut tx = service.store.read().await?;
+    let (_, sweeps) = crate::queue::sweeps(&mut tx, 1, 0).await?;
+    Ok(axum::Json(serde_json::json!({
+        "status": "ok",
+        "version": env!("CARGO_PKG_VERSION"),
+        "sweeps": sweeps,
+    })))
+}

@@ -1,0 +1,166 @@
+//! Runs over REST: lists, single results, bulk tables.
+
+use super::Service;
+use super::error::Problem;
+use super::sweeps::{Page, Paging};
+use crate::archive::bulk::{Format, gather};
+use crate::archive::catalogue::{self, RunRow};
+use crate::archive::read;
+use crate::archive::schema::Kind;
+use crate::domain::outcome::Outcome;
+use crate::domain::refusal::Refusal;
+use crate::queue;
+use axum::Json;
+use axum::body::Body;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use tokio_util::io::ReaderStream;
+use utoipa::IntoParams;
+
+/// Which runs, in which order.
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Listing {
+    /// Runs of the page, from 1 to 1000; 100 if not given.
+    limit: Option<i64>,
+    /// The `next` of the page before.
+    cursor: Option<String>,
+    /// Column to sort by, with `-` before it from high to low; `run_index` if not given.
+    sort: Option<String>,
+    /// Not there yet.
+    filter: Option<String>,
+}
+
+/// A sweep's ended runs, scalars only.
+#[utoipa::path(
+    get, path = "/sweeps/{id}/runs", params(("id" = String, Path,), Listing),
+    responses(
+        (status = 200, body = Page<RunRow>), (status = 400, body = Problem),
+        (status = 404, body = Problem), (status = 422, body = Problem), (status = 501, body = Problem),
+    )
+)]
+pub async fn of_sweep(
+    State(service): State<Service>,
+    Path(id): Path<String>,
+    query: Result<Query<Listing>, QueryRejection>,
+) -> Result<Json<Page<RunRow>>, Problem> {
+    let Query(listing) = query?;
+    if listing.filter.is_some() {
+        return Err(Problem::not_yet("filter"));
+    }
+    let sort = listing.sort.as_deref().unwrap_or("run_index");
+    let (column, descending) = match sort.strip_prefix('-') {
+        Some(column) => (column, true),
+        None => (sort, false),
+    };
+    if !catalogue::is_column(column) {
+        return Err(
+            Refusal::value("sort", sort, "a column of the runs, with `-` for high to low").into()
+        );
+    }
+    let (limit, offset) = Paging::window(listing.limit, listing.cursor.as_deref())?;
+    let mut tx = service.store.read().await?;
+    if queue::sweep(&mut tx, &id).await?.is_none() {
+        return Err(Problem::not_found("sweep", &id));
+    }
+    let (rows, total) = catalogue::runs(&mut tx, &id, column, descending, limit, offset).await?;
+    Ok(Json(Page::new(rows, offset, total)))
+}
+
+/// One run with its profile and, of a transient, its series and states.
+#[utoipa::path(
+    get, path = "/runs/{id}", params(("id" = String, Path,)),
+    responses((status = 200, body = Outcome), (status = 404, body = Problem))
+)]
+pub async fn one(
+    State(service): State<Service>,
+    Path(id): Path<String>,
+) -> Result<Json<Outcome>, Problem> {
+    let entry = catalogue::run(&mut *service.store.read().await?, &id).await?;
+    let entry = entry.ok_or_else(|| Problem::not_found("run", &id))?;
+    let archive = service.store.archive();
+    let outcome = tokio::task::spawn_blocking(move || read::outcome(&archive, &entry)).await??;
+    Ok(Json(outcome))
+}
+
+/// All runs of a sweep that have ended, as Parquet.
+#[utoipa::path(
+    get, path = "/sweeps/{id}/runs.parquet", params(("id" = String, Path,)),
+    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 404, body = Problem))
+)]
+pub async fn runs_parquet(
+    State(service): State<Service>,
+    Path(id): Path<String>,
+) -> Result<Response, Problem> {
+    bulk(&service, &id, Kind::Runs, Format::Parquet).await
+}
+
+/// All runs of a sweep that have ended, as CSV.
+#[utoipa::path(
+    get, path = "/sweeps/{id}/runs.csv", params(("id" = String, Path,)),
+    responses((status = 200, content_type = "text/csv"), (status = 404, body = Problem))
+)]
+pub async fn runs_csv(
+    State(service): State<Service>,
+    Path(id): Path<String>,
+) -> Result<Response, Problem> {
+    bulk(&service, &id, Kind::Runs, Format::Csv).await
+}
+
+/// All stored profiles of a sweep, as Parquet.
+#[utoipa::path(
+    get, path = "/sweeps/{id}/profiles.parquet", params(("id" = String, Path,)),
+    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 404, body = Problem))
+)]
+pub async fn profiles_parquet(
+    State(service): State<Service>,
+    Path(id): Path<String>,
+) -> Result<Response, Problem> {
+    bulk(&service, &id, Kind::Profiles, Format::Parquet).await
+}
+
+/// All time series of a sweep, as Parquet.
+#[utoipa::path(
+    get, path = "/sweeps/{id}/series.parquet", params(("id" = String, Path,)),
+    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 404, body = Problem))
+)]
+pub async fn series_parquet(
+    State(service): State<Service>,
+    Path(id): Path<String>,
+) -> Result<Response, Problem> {
+    bulk(&service, &id, Kind::Series, Format::Parquet).await
+}
+
+async fn bulk(
+    service: &Service,
+    id: &str,
+    kind: Kind,
+    format: Format,
+) -> Result<Response, Problem> {
+    let mut tx = service.store.read().await?;
+    if queue::sweep(&mut tx, id).await?.is_none() {
+        return Err(Problem::not_found("sweep", id));
+    }
+    let paths = catalogue::files_of_sweep(&mut tx, id, kind).await?;
+    drop(tx);
+    let archive = service.store.archive();
+    let file =
+        tokio::task::spawn_blocking(move || gather(&archive, &paths, kind, format)).await??;
+    let length = file.metadata().map(|m| m.len()).unwrap_or_default();
+    let (content_type, ending) = match format {
+        Format::Parquet => ("application/vnd.apache.parquet", "parquet"),
+        Format::Csv => ("text/csv; charset=utf-8", "csv"),
+    };
+    let body = Body::from_stream(ReaderStream::new(tokio::fs::File::from_std(file)));
+    let disposition = format!("attachment; filename=\"{id}-{}.{ending}\"", kind.name());
+    let headers = [
+        (header::CONTENT_TYPE, content_type.to_owned()),
+        (header::CONTENT_DISPOSITION, disposition),
+        (header::CONTENT_LENGTH, length.to_string()),
+    ];
+    Ok((headers, body).into_response())
+}
