@@ -1,6 +1,7 @@
 //! What a sweep and a run are: names, checks, points, identity, states. Pure and deterministic: no
 //! database, no files, no clock, nothing asynchronous.
 
+pub mod dictionary;
 pub mod document;
 pub mod identity;
 pub mod outcome;

@@ -6,7 +6,7 @@ use axum::response::{IntoResponse, Response};
 use rust_embed::RustEmbed;
 
 #[derive(RustEmbed)]
-#[folder = "../web/dist"]
+#[folder = "$OUT_DIR/web"]
 struct Assets;
 
 /// A file of the dashboard; its page at `/`.

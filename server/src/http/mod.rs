@@ -6,6 +6,7 @@ pub mod error;
 pub mod runs;
 pub mod sweeps;
 
+use crate::domain::dictionary::Dictionary;
 use crate::store::Store;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
@@ -61,6 +62,7 @@ fn documented() -> OpenApiRouter<Service> {
     OpenApiRouter::with_openapi(Api::openapi()).routes(routes!(health)).nest(
         "/api/v1",
         OpenApiRouter::new()
+            .routes(routes!(dictionary))
             .routes(routes!(sweeps::submit, sweeps::list))
             .routes(routes!(sweeps::one))
             .routes(routes!(sweeps::fit))
@@ -91,4 +93,10 @@ async fn health(
         "version": env!("CARGO_PKG_VERSION"),
         "sweeps": sweeps,
     })))
+}
+
+/// Names, units, meanings and ranges of parameters and results.
+#[utoipa::path(get, path = "/dictionary", responses((status = 200, body = Dictionary)))]
+async fn dictionary() -> axum::Json<Dictionary> {
+    axum::Json(Dictionary::new())
 }

@@ -137,11 +137,13 @@ impl Walker {
         match (&run.steps, run.regime) {
             (Some(steps), _) => transient(solver, steps, solution).unwrap_or_else(failed),
             (None, Regime::Steady) => {
-                let detail = "steady state, picked by the limit of the smoothed rheology".to_owned();
+                let detail =
+                    "steady state, picked by the limit of the smoothed rheology".to_owned();
                 Ended::solved(solution, detail, Some(SMOOTHING_LIMIT))
             }
             (None, _) => {
-                let detail = "velocity, fluidity and friction solved at the given geometry".to_owned();
+                let detail =
+                    "velocity, fluidity and friction solved at the given geometry".to_owned();
                 Ended::solved(solution, detail, Some(SMOOTHING_LIMIT))
             }
         }

@@ -1,0 +1,90 @@
+// A person's way through the dashboard in a real browser, against a running service that holds the
+// demo's sweep. Usage: node dashboard.mjs URL [folder for screenshots]. Prints what it saw as JSON.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { chromium } from "playwright-core";
+
+const [url, folder] = process.argv.slice(2);
+assert.ok(url, "usage: node dashboard.mjs URL [folder]");
+const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+
+const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+  args: [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+  ],
+});
+try {
+  const seen = {};
+  for (const colorScheme of ["dark", "light"]) {
+    const context = await browser.newContext({ viewport: { width: 1280, height: 1180 }, colorScheme });
+    const page = await context.newPage();
+    const elsewhere = [];
+    const faults = [];
+    page.on("request", (r) => {
+      if (!r.url().startsWith(url) && !r.url().startsWith("data:")) elsewhere.push(r.url());
+    });
+    page.on("pageerror", (e) => faults.push(String(e)));
+    page.on("console", (m) => m.type() === "error" && faults.push(m.text()));
+
+    await page.goto(url);
+    const exponent = page.getByTestId("exponent");
+    await exponent.waitFor({ timeout: 20_000 });
+    await page.getByText("51 converged").first().waitFor({ timeout: 20_000 });
+    await page.getByText("Runs used").locator("xpath=../dd").filter({ hasText: "51" }).waitFor();
+    seen.exponent = await exponent.textContent();
+    seen.interval = await page.getByTestId("interval").textContent();
+
+    // A click on a point of the force curve opens its run. The base case lies on it.
+    const canvas = page.locator(".figure canvas").first();
+    const box = await canvas.boundingBox();
+    assert.ok(box);
+    const opened = async () =>
+      (await page.getByRole("heading", { name: /^Run [0-9a-f]{8}$/ }).count()) > 0;
+    // Feel down a strip about as wide as two neighbouring points are apart, in steps of half a point.
+    for (let k = 0; k < 400 && !(await opened()); k += 1) {
+      const x = box.x + box.width * 0.4 + 4 * Math.floor(k / 80);
+      const y = box.y + 45 + (k % 80) * 4;
+      await page.mouse.click(x, y);
+    }
+    assert.ok(await opened(), "no point could be clicked");
+    await page.getByText("Thickness about sea level").waitFor();
+    await page.getByText("thickness 0").waitFor();
+    if (folder) await page.screenshot({ path: `${folder}/dashboard-${colorScheme}.png`, fullPage: true });
+
+    await page.addScriptTag({ content: axeSource });
+    const { violations } = await page.evaluate("axe.run()");
+    assert.deepEqual(violations.map((v) => `${v.id}: ${v.nodes[0]?.html}`), []);
+
+    if (colorScheme === "light") {
+      // A bad value is refused with the server's own sentence, a good sweep is solved and fitted.
+      await page.getByLabel("From").fill("-1");
+      await page.getByRole("button", { name: /^Solve/ }).click();
+      await page.getByRole("alert").filter({ hasText: "melt_rate_m_per_day" }).waitFor();
+      await page.getByLabel("Name").fill("six by two");
+      await page.getByLabel("From").fill("0.6");
+      await page.getByLabel("Points").fill("6");
+      await page.getByRole("button", { name: "Add an axis" }).click();
+      await page.getByLabel("Points").nth(1).fill("2");
+      await page.getByRole("button", { name: "Solve 12 runs" }).click();
+      await page.getByRole("heading", { name: "six by two" }).waitFor();
+      await page.getByText("12 converged").first().waitFor({ timeout: 60_000 });
+      await page.getByText("Runs used").locator("xpath=../dd").filter({ hasText: "12" }).waitFor();
+      faults.splice(0, faults.length, ...faults.filter((f) => !f.includes("422")));
+    }
+    assert.deepEqual(elsewhere, [], "something was fetched from elsewhere");
+    assert.deepEqual(faults, [], "the page reported errors");
+    await context.close();
+  }
+  console.log(JSON.stringify(seen));
+} finally {
+  await browser.close();
+}
