@@ -1,1 +1,190 @@
-//! stub
+//! Drives the real binary: starts it in a temporary directory, speaks HTTP with it, kills it.
+
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// The binary, built into the folder of this test's own.
+pub fn binary() -> PathBuf {
+    let test = std::env::current_exe().expect("a test has a path");
+    let folder = test.ancestors().nth(2).expect("tests lie in target/<profile>/deps");
+    let binary = folder.join("melange");
+    assert!(binary.exists(), "{} is not built: cargo build --workspace", binary.display());
+    binary
+}
+
+/// Root of the repository.
+pub fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// Runs the binary with something on its standard input.
+pub fn melange(arguments: &[&str], input: &str) -> Output {
+    let mut child = Command::new(binary())
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    let mut stdin = child.stdin.take().expect("its input is piped");
+    stdin.write_all(input.as_bytes()).expect("it reads its input");
+    drop(stdin);
+    child.wait_with_output().expect("it ends")
+}
+
+/// Solves a scenario by `melange run -` and returns exit code and result.
+pub fn run(scenario: &str) -> (i32, Value) {
+    let output = melange(&["run", "-"], scenario);
+    let text = String::from_utf8(output.stdout).expect("its output is UTF-8");
+    let result = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
+    (output.status.code().expect("it exits"), result)
+}
+
+/// An answer over HTTP.
+#[derive(Debug)]
+pub struct Answer {
+    /// Status code.
+    pub status: u16,
+    /// Value of the Content-Type header.
+    pub content_type: String,
+    /// Body.
+    pub body: Vec<u8>,
+}
+
+impl Answer {
+    /// The body as JSON.
+    pub fn json(&self) -> Value {
+        serde_json::from_slice(&self.body)
+            .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&self.body)))
+    }
+}
+
+/// A running service.
+#[derive(Debug)]
+pub struct Server {
+    child: Child,
+    /// Its address, `http://127.0.0.1:…`.
+    pub address: String,
+}
+
+impl Server {
+    /// Starts `melange serve` (or another command that serves) on a data directory.
+    pub fn start(command: &str, data: &Path, more: &[&str]) -> Self {
+        let mut child = Command::new(binary())
+            .arg(command)
+            .args(["--listen", "127.0.0.1:0", "--data"])
+            .arg(data)
+            .args(more)
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the binary starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().expect("its output is piped"))
+            .read_line(&mut line)
+            .expect("it says where it listens");
+        let address = line.trim().rsplit(' ').next().expect("an address").to_owned();
+        assert!(address.starts_with("http://127.0.0.1:"), "it said {line:?}");
+        Self { child, address }
+    }
+
+    /// Asks for a path.
+    pub fn get(&self, path: &str) -> Answer {
+        let agent = agent();
+        answer(agent.get(format!("{}{path}", self.address)).call().expect("an answer"))
+    }
+
+    /// Sends a body to a path.
+    pub fn post(&self, path: &str, body: &str) -> Answer {
+        let agent = agent();
+        answer(agent.post(format!("{}{path}", self.address)).send(body).expect("an answer"))
+    }
+
+    /// The JSON at a path, which must be there.
+    pub fn json(&self, path: &str) -> Value {
+        let answer = self.get(path);
+        assert_eq!(answer.status, 200, "{path}: {}", String::from_utf8_lossy(&answer.body));
+        answer.json()
+    }
+
+    /// Submits a sweep, which must be taken; returns its id.
+    pub fn submit(&self, spec: &Value) -> String {
+        let answer = self.post("/api/v1/sweeps", &spec.to_string());
+        assert_eq!(answer.status, 202, "{}", String::from_utf8_lossy(&answer.body));
+        answer.json()["id"].as_str().expect("an id").to_owned()
+    }
+
+    /// Waits until a sweep is complete; checks at each look that its counts add up.
+    pub fn wait(&self, id: &str) -> Value {
+        let begin = Instant::now();
+        loop {
+            let sweep = self.json(&format!("/api/v1/sweeps/{id}"));
+            assert_counts_add_up(&sweep);
+            if sweep["state"] == "complete" {
+                return sweep;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(300), "not complete: {sweep}");
+            sleep(Duration::from_millis(30));
+        }
+    }
+
+    /// Ends the process at once, as a power cut would (SIGKILL).
+    pub fn kill(&mut self) {
+        self.child.kill().expect("it runs");
+        self.child.wait().expect("it ends");
+    }
+
+    /// Asks the process to end (SIGTERM) and returns whether it ended well.
+    pub fn terminate(mut self) -> bool {
+        let id = self.child.id().to_string();
+        Command::new("kill").args(["-TERM", &id]).status().expect("kill is there");
+        self.child.wait().expect("it ends").success()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.child.kill().ok();
+        self.child.wait().ok();
+    }
+}
+
+/// The counts of a sweep, all but the total, add up to the total.
+pub fn assert_counts_add_up(sweep: &Value) {
+    let counts = sweep["counts"].as_object().expect("counts");
+    let parts: i64 =
+        counts.iter().filter(|(name, _)| *name != "total").filter_map(|(_, n)| n.as_i64()).sum();
+    assert_eq!(Some(parts), counts["total"].as_i64(), "{sweep}");
+}
+
+/// A folder that goes with the test.
+pub fn folder() -> TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+fn agent() -> ureq::Agent {
+    ureq::Agent::config_builder()
+        .http_status_as_error(false)
+        .timeout_global(Some(Duration::from_secs(120)))
+        .build()
+        .into()
+}
+
+fn answer(mut response: ureq::http::Response<ureq::Body>) -> Answer {
+    let content_type =
+        response.headers().get("content-type").and_then(|v| v.to_str().ok()).unwrap_or_default();
+    Answer {
+        status: response.status().as_u16(),
+        content_type: content_type.to_owned(),
+        body: response
+            .body_mut()
+            .with_config()
+            .limit(1 << 30)
+            .read_to_vec()
+            .expect("the body arrives"),
+    }
+}

@@ -3,12 +3,12 @@
 
 use super::SolvedRun;
 use crate::domain::outcome::{PROFILE, Profile, SCALARS, SERIES};
+use crate::domain::parameters::PARAMETERS;
 use arrow_array::builder::{
     BooleanBuilder, Float64Builder, Int64Builder, ListBuilder, StringBuilder,
 };
 use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field, Schema};
-use melange_solver::params::PARAMETERS;
 use std::collections::HashMap;
 use std::sync::Arc;
 

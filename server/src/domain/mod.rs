@@ -9,3 +9,6 @@ pub mod refusal;
 pub mod run;
 pub mod status;
 pub mod sweep;
+
+/// The solver's table of parameters: names, units, meanings, defaults, ranges.
+pub use melange_solver::params as parameters;

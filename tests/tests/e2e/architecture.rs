@@ -1,0 +1,134 @@
+//! The rooms and their doors: ARCHITECTURE.md's table of who may import whom, and the habits that a
+//! machine can check.
+
+use melange_tests::root;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Files below a folder with an ending, without what is built or fetched.
+fn files(folder: &Path, endings: &[&str], found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        if path.is_dir() {
+            if !["target", "node_modules", ".git", "dist"].contains(&name.as_str()) {
+                files(&path, endings, found);
+            }
+        } else if endings.iter().any(|e| name.ends_with(e)) {
+            found.push(path);
+        }
+    }
+}
+
+fn sources(folder: &str, endings: &[&str]) -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    files(&root().join(folder), endings, &mut found);
+    found
+        .into_iter()
+        .map(|path| {
+            let text = fs::read_to_string(&path).expect("UTF-8");
+            let name = path.strip_prefix(root()).expect("below the root").display().to_string();
+            (name, text)
+        })
+        .collect()
+}
+
+/// The rows `| room | … | may import |` of ARCHITECTURE.md's table.
+fn table() -> Vec<(String, BTreeSet<String>)> {
+    let text =
+        fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md is there");
+    text.lines()
+        .skip_while(|line| !line.starts_with("| room |"))
+        .skip(2)
+        .take_while(|line| line.starts_with('|'))
+        .map(|line| {
+            let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+            let room = cells[1].trim_matches('`').to_owned();
+            let may = cells[3].split(',').map(|r| r.trim().trim_matches('`').to_owned());
+            (room, may.filter(|r| !r.is_empty() && r != "nothing").collect())
+        })
+        .collect()
+}
+
+#[test]
+fn rooms_import_only_what_the_table_allows() {
+    let table = table();
+    assert!(table.len() >= 8, "the table of ARCHITECTURE.md was not found: {table:?}");
+    let rooms: BTreeSet<String> = table.iter().map(|(room, _)| room.clone()).collect();
+    let mut checked = 0;
+    for (name, text) in sources("server/src", &[".rs"]) {
+        let inner = name.trim_start_matches("server/src/");
+        let room = inner.split('/').next().expect("a room").trim_end_matches(".rs");
+        if room == "main" {
+            continue;
+        }
+        let (_, may) = table
+            .iter()
+            .find(|(r, _)| r == room)
+            .unwrap_or_else(|| panic!("the room {room} is not in ARCHITECTURE.md's table"));
+        for (used, place) in text.match_indices("crate::").map(|(at, _)| {
+            let rest = &text[at + "crate::".len()..];
+            let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+            (rest[..end].to_owned(), at)
+        }) {
+            if used == room || !rooms.contains(&used) {
+                continue;
+            }
+            let line = text[..place].lines().count();
+            assert!(may.contains(&used), "{name}:{line}: {room} may not import {used}");
+            checked += 1;
+        }
+        let uses_solver = text.contains("melange_solver");
+        assert!(!uses_solver || may.contains("solver"), "{name}: {room} may not import the solver");
+        let uses_sql = text.contains("sqlx::query") || text.contains("QueryBuilder");
+        let may_sql = name.ends_with("/queue.rs") || name.ends_with("/archive/catalogue.rs");
+        assert!(!uses_sql || may_sql, "{name}: SQL stands in queue and archive/catalogue only");
+    }
+    assert!(checked > 20, "only {checked} imports were seen");
+}
+
+#[test]
+fn the_solver_is_pure() {
+    for (name, text) in sources("solver/src", &[".rs"]) {
+        for forbidden in [
+            "println!",
+            "eprintln!",
+            "std::env",
+            "std::fs",
+            "std::time",
+            "std::thread",
+            "std::process",
+        ] {
+            assert!(!text.contains(forbidden), "{name} uses {forbidden}");
+        }
+    }
+}
+
+#[test]
+fn every_file_says_what_it_is_for() {
+    for folder in ["solver", "server", "tests"] {
+        for (name, text) in sources(folder, &[".rs"]) {
+            assert!(text.starts_with("//! "), "{name} does not start with `//! `");
+        }
+    }
+    for (name, text) in sources("web/src", &[".ts", ".css"]) {
+        assert!(
+            text.starts_with("// ") || text.starts_with("/* "),
+            "{name} does not say what it is for"
+        );
+    }
+}
+
+#[test]
+fn no_room_is_crowded_and_no_test_is_ignored() {
+    /// Lines at which a file wants splitting.
+    const CROWDED: usize = 500;
+    for folder in ["solver", "server", "tests", "web"] {
+        for (name, text) in sources(folder, &[".rs", ".ts", ".svelte", ".css", ".mjs"]) {
+            let lines = text.lines().count();
+            assert!(lines <= CROWDED, "{name} has {lines} lines");
+            assert!(!text.contains(concat!("#[", "ignore")), "{name} ignores a test");
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! `melange run` and `melange sweep`: results, exit codes, refusals.
+
+use crate::{assert_all_close, assert_close, melt_sweep};
+use melange_tests::{folder, melange, root, run};
+use serde_json::{Value, json};
+
+fn reference(name: &str) -> Value {
+    let path = root().join("solver/tests/reference").join(name);
+    let text = std::fs::read_to_string(&path).expect("the reference is there");
+    serde_json::from_str(&text).expect("it is JSON")
+}
+
+const PROFILE: [&str; 4] = ["velocity_m_per_a", "thickness_m", "fluidity_per_a", "mu_w"];
+
+#[test]
+fn steady_states_equal_the_reference() {
+    for expected in reference("steady_melt_n50.json")["states"].as_array().expect("states") {
+        let melt = &expected["melt_rate_m_per_day"];
+        let scenario = json!({"regime": "steady", "parameters": {"melt_rate_m_per_day": melt}});
+        let (code, result) = run(&scenario.to_string());
+        assert_eq!((code, result["status"].as_str()), (0, Some("converged")));
+        assert_close("L", &result["length_m"], &expected["length_m"], 1e-8);
+        assert_close("H0", &result["thickness_0_m"], &expected["thickness_0_m"], 1e-8);
+        assert_close("F", &result["force_n_per_m"], &expected["force_n_per_m"], 1e-7);
+        for name in PROFILE {
+            assert_all_close(name, &result["profile"][name], &expected[name], 1e-8);
+        }
+    }
+}
+
+#[test]
+fn diagnostic_solve_and_steps_equal_the_published_codes() {
+    for (case_name, case) in
+        reference("published_code_steps.json")["cases"].as_object().expect("cases")
+    {
+        let mut parameters = case["parameters"].clone();
+        parameters["n_cells"] = case["n_cells"].clone();
+        let start = json!({"length_m": 10_000, "thickness_0_m": 75});
+        let scenario = json!({"regime": "diagnostic", "parameters": parameters, "start": start});
+        let (code, result) = run(&scenario.to_string());
+        assert_eq!(code, 0, "{result}");
+        for (name, expected) in case["diagnostic"].as_object().expect("a profile") {
+            assert_all_close(name, &result["profile"][name], expected, 1e-7);
+        }
+
+        let time = json!({
+            "duration_a": 0.04, "fixed_dt_a": 0.01, "output_every_a": 0.01,
+            "profiles_at_a": [0.01, 0.02, 0.03, 0.04],
+        });
+        let scenario =
+            json!({"regime": "transient", "parameters": parameters, "start": start, "time": time});
+        let (code, result) = run(&scenario.to_string());
+        assert_eq!((code, result["status"].as_str()), (0, Some("completed")));
+        let steps = case["steps"].as_array().expect("steps");
+        for (i, expected) in steps.iter().enumerate() {
+            for name in ["time_a", "length_m", "thickness_0_m", "force_n_per_m"] {
+                assert_close(name, &result["series"][name][i + 1], &expected[name], 1e-7);
+            }
+            let state = &result["states"][i];
+            assert_close("t", &state["time_a"], &expected["time_a"], 1e-12);
+            for name in PROFILE {
+                // One published number does not solve its own equation (see the solver's tests).
+                let stopped_short = case_name == "base" && i == 0 && name == "fluidity_per_a";
+                let relative = if stopped_short { 1e-6 } else { 1e-7 };
+                assert_all_close(name, &state["profile"][name], &expected[name], relative);
+            }
+        }
+    }
+}
+
+#[test]
+fn toml_and_files_are_read_and_text_is_printed() {
+    let folder = folder();
+    let path = folder.path().join("scenario.toml");
+    std::fs::write(&path, "regime = \"steady\"\n[parameters]\nmelt_rate_m_per_day = 0.7\n")
+        .expect("a file");
+    let output = melange(&["run", path.to_str().expect("UTF-8"), "--format", "text"], "");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    assert!(text.starts_with("converged: "), "{text}");
+    assert!(text.contains("length_m") && text.contains("9.917164"), "{text}");
+    let missing = melange(&["run", "no-such-file.toml"], "");
+    assert_eq!(missing.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("no-such-file.toml"));
+}
+
+#[test]
+fn verdicts_of_physics_are_results() {
+    for (parameters, verdict) in [
+        (json!({"melt_rate_m_per_day": 1.8, "width_m": 7000}), "no_steady_state"),
+        (json!({"melt_rate_m_per_day": 0.3, "width_m": 2500}), "overthick"),
+    ] {
+        let scenario = json!({"regime": "steady", "parameters": parameters});
+        let (code, result) = run(&scenario.to_string());
+        assert_eq!((code, result["status"].as_str()), (0, Some(verdict)), "{result}");
+        assert!(result["length_m"].is_null() && result["profile"].is_null());
+        assert!(!result["detail"].as_str().expect("evidence").is_empty());
+    }
+}
+
+/// Each bad input with the field that must be named and a word of the sentence.
+#[test]
+fn bad_input_is_refused_with_field_value_and_range() {
+    for (scenario, field, word) in [
+        (r#"{"regime":"steady","parameters":{"melt":1}}"#, "parameters.melt", "no parameter"),
+        ("regime = \"steady\"\n[parameters]\nb = nan", "parameters.b", "NaN"),
+        ("regime = \"steady\"\n[parameters]\nb = inf", "parameters.b", "from 1 to"),
+        (
+            r#"{"regime":"steady","parameters":{"width_m":-1}}"#,
+            "parameters.width_m",
+            "from 10 to 1000000 m",
+        ),
+        (
+            r#"{"regime":"steady","parameters":{"n_cells":50.5}}"#,
+            "parameters.n_cells",
+            "whole number",
+        ),
+        (r#"{"regime":"steady","parameters":{"b":1e4,"b":2e4}}"#, "parameters.b", "more than once"),
+        (r#"{"regime":"steady","parameters":{"b":"x"}}"#, "parameters.b", "expected f64"),
+        (r#"{"regime":"stead"}"#, "regime", "steady"),
+        (r#"{"parameters":{}}"#, "regime", "missing"),
+        (r#"{"regime":"steady","parametres":{}}"#, "parametres", "unknown field"),
+        (r#"{"regime":"steady","fjord":{"x_m":[0]}}"#, "fjord", "not there yet"),
+        (r#"{"regime":"quasi_static"}"#, "regime", "not there yet"),
+        (r#"{"regime":"steady","melt_shape":"linear"}"#, "melt_shape", "not there yet"),
+        (r#"{"regime":"steady","options":{"lagged":true}}"#, "options.lagged", "not there yet"),
+        (
+            r#"{"regime":"steady","options":{"upstream_closure":"printed"}}"#,
+            "options.upstream_closure",
+            "family",
+        ),
+        (
+            r#"{"regime":"steady","parameters":{"water_drag_n_per_m":5}}"#,
+            "parameters.water_drag_n_per_m",
+            "not there yet",
+        ),
+        (r#"{"regime":"steady","start":"steady"}"#, "start", "does not depend"),
+        (r#"{"regime":"diagnostic"}"#, "start", "missing"),
+        (r#"{"regime":"diagnostic","start":{"length_m":1e4}}"#, "start", "thickness_0_m"),
+        (
+            r#"{"regime":"diagnostic","start":{"length_m":1e4,"thickness_0_m":10}}"#,
+            "start.thickness_0_m",
+            "d_m = 25",
+        ),
+        (r#"{"regime":"transient"}"#, "time", "missing"),
+        (r#"{"regime":"transient","time":{"duration_a":1}}"#, "time.fixed_dt_a", "missing"),
+        (
+            r#"{"regime":"transient","time":{"duration_a":1,"fixed_dt_a":0.3}}"#,
+            "time.duration_a",
+            "whole number",
+        ),
+        (
+            r#"{"regime":"transient","time":{"duration_a":1,"fixed_dt_a":0.1,"profiles_at_a":[2]}}"#,
+            "time.profiles_at_a[0]",
+            "not after",
+        ),
+        (
+            r#"{"regime":"transient","time":{"duration_a":1,"fixed_dt_a":0.1,"tolerance":1e-3}}"#,
+            "time.tolerance",
+            "not there yet",
+        ),
+        (
+            r#"{"regime":"steady","parameters":{"calving_flux_m2_per_a":3.6e6,"calving_rate_m_per_a":1}}"#,
+            "parameters.calving_flux_m2_per_a",
+            "calving_rate_m_per_a",
+        ),
+        (
+            r#"{"regime":"steady","parameters":{"calving_rate_m_per_a":5000,"width_gradient":0.01}}"#,
+            "parameters.calving_rate_m_per_a",
+            "varying width",
+        ),
+        (r#"{"regime":"steady","axes":[]}"#, "", ""),
+        (r#"{"regime":"steady","name":"x"}"#, "name", "sweep"),
+    ] {
+        let (code, result) = run(scenario);
+        if field.is_empty() {
+            assert_eq!(code, 0, "{scenario}: {result}");
+            continue;
+        }
+        assert_eq!((code, result["status"].as_str()), (2, Some("refused")), "{scenario}: {result}");
+        assert_eq!(result["field"].as_str(), Some(field), "{scenario}: {result}");
+        let detail = result["detail"].as_str().expect("a sentence");
+        assert!(detail.contains(word), "{scenario}: {detail}");
+    }
+    let (code, result) = run("neither JSON nor TOML");
+    assert_eq!((code, result["status"].as_str()), (2, Some("refused")));
+}
+
+#[test]
+fn the_flux_sets_both_velocities() {
+    let (code, result) = run(r#"{"regime":"steady","parameters":{"calving_flux_m2_per_a":3.6e6}}"#);
+    assert_eq!(code, 0);
+    assert_eq!(result["parameters"]["calving_rate_m_per_a"], 6000.0);
+    assert_eq!(result["parameters"]["terminus_velocity_m_per_a"], 6000.0);
+}
+
+#[test]
+fn a_sweep_is_solved_into_a_data_directory_that_one_process_holds() {
+    let folder = folder();
+    let data = folder.path().to_str().expect("UTF-8");
+    let output = melange(&["sweep", "-", "--data", data], &melt_sweep(9).to_string());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(answer["counts"]["converged"], 9);
+
+    let server = melange_tests::Server::start("serve", folder.path(), &[]);
+    let id = answer["id"].as_str().expect("an id");
+    assert_eq!(server.json(&format!("/api/v1/sweeps/{id}"))["state"], "complete");
+    let second = melange(&["sweep", "-", "--data", data], &melt_sweep(3).to_string());
+    assert_eq!(second.status.code(), Some(2));
+    let message = String::from_utf8_lossy(&second.stderr).into_owned();
+    assert!(message.contains("in use") && message.contains(&server.address), "{message}");
+    assert!(server.terminate(), "it ends well when asked to");
+}
+
+#[test]
+fn listening_beyond_loopback_is_refused() {
+    let folder = folder();
+    let data = folder.path().to_str().expect("UTF-8");
+    let output = melange(&["serve", "--listen", "0.0.0.0:0", "--data", data], "");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("tokens"));
+}
