@@ -10,7 +10,8 @@ use utoipa::ToSchema;
 pub enum Law {
     /// y = prefactor · x^exponent: a line of ln y over ln x.
     #[default]
-    PowerLaw,
+    #[serde(rename = "power_law")]
+    Power,
     /// y = prefactor · e^(exponent·x): a line of ln y over x.
     Exponential,
     /// y = prefactor + exponent · x.
@@ -20,13 +21,13 @@ pub enum Law {
 impl Law {
     fn coordinates(self, x: f64, y: f64) -> Result<(f64, f64), &'static str> {
         let positive = |v: f64, reason| if v > 0.0 { Ok(v.ln()) } else { Err(reason) };
-        let x = if self == Law::PowerLaw { positive(x, "x is not positive")? } else { x };
+        let x = if self == Law::Power { positive(x, "x is not positive")? } else { x };
         let y = if self == Law::Linear { y } else { positive(y, "y is not positive")? };
         Ok((x, y))
     }
 
     fn x_back(self, x: f64) -> f64 {
-        if self == Law::PowerLaw { x.exp() } else { x }
+        if self == Law::Power { x.exp() } else { x }
     }
 
     fn y_back(self, y: f64) -> f64 {
@@ -254,7 +255,7 @@ mod tests {
     #[test]
     fn a_power_law_without_misfit_is_found_exactly() {
         let data: Vec<_> = (1..20).map(|i| (f64::from(i), 7.0 * f64::from(i).powf(-3.1))).collect();
-        let fit = fit(Law::PowerLaw, &runs(&data)).expect("19 points");
+        let fit = fit(Law::Power, &runs(&data)).expect("19 points");
         assert!((fit.exponent.estimate + 3.1).abs() < 1e-12);
         assert!((fit.prefactor.estimate - 7.0).abs() < 1e-11);
         assert!(fit.band.x.iter().all(|x| (1.0 - 1e-9..=19.0 + 1e-9).contains(x)));
@@ -266,7 +267,7 @@ mod tests {
         data.push(("collapsed".into(), Some(5.0), Some(1.0)));
         data.push(("no_steady_state".into(), Some(6.0), None));
         data.push(("no_steady_state".into(), Some(7.0), None));
-        let fit = fit(Law::PowerLaw, &data).expect("three points are left");
+        let fit = fit(Law::Power, &data).expect("three points are left");
         assert_eq!(fit.n_used, 3);
         let counts: Vec<_> = fit.left_out.iter().map(|l| (l.reason.as_str(), l.count)).collect();
         assert_eq!(counts, [("y is not positive", 1), ("collapsed", 1), ("no_steady_state", 2)]);

@@ -283,14 +283,21 @@ impl Document {
     /// Reads JSON if the first character is `{`, else TOML.
     pub fn parse(text: &str) -> Result<Self, Refusal> {
         let located = |path: String, message: String| {
-            let field = (path != ".").then_some(path);
+            let field = (![".", "?"].contains(&path.as_str())).then_some(path);
             let place = field.as_ref().map_or_else(String::new, |f| format!("`{f}`: "));
             Refusal { detail: format!("{place}{message}"), field, value: None, permitted: None }
         };
         if text.trim_start().starts_with('{') {
             let mut json = serde_json::Deserializer::from_str(text);
-            let document = serde_path_to_error::deserialize(&mut json)
-                .map_err(|e| located(e.path().to_string(), e.inner().to_string()))?;
+            let document = serde_path_to_error::deserialize(&mut json).map_err(|e| {
+                let inner: &serde_json::Error = e.inner();
+                match inner.classify() {
+                    serde_json::error::Category::Data => {
+                        located(e.path().to_string(), inner.to_string())
+                    }
+                    _ => Refusal::sentence(inner.to_string()),
+                }
+            })?;
             json.end().map_err(|e| Refusal::sentence(e.to_string()))?;
             Ok(document)
         } else {

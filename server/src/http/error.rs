@@ -20,13 +20,13 @@ pub struct Problem {
     /// The status.
     status: u16,
     #[serde(flatten)]
-    refusal: Refusal,
+    refusal: Box<Refusal>,
 }
 
 impl Problem {
     fn new(status: StatusCode, refusal: Refusal) -> Self {
         let title = status.canonical_reason().unwrap_or("error");
-        Self { kind: "about:blank", title, status: status.as_u16(), refusal }
+        Self { kind: "about:blank", title, status: status.as_u16(), refusal: Box::new(refusal) }
     }
 
     /// Something with this id does not exist.

@@ -55,7 +55,8 @@ pub fn router(service: Service) -> Router {
         .layer(DefaultBodyLimit::max(BODY_BYTES))
         .layer(CompressionLayer::new())
         .layer(CatchPanicLayer::custom(|_: Box<dyn std::any::Any + Send>| Problem::broken()))
-        .layer(TraceLayer::new_for_http())
+        // Failures are logged with their cause where they happen.
+        .layer(TraceLayer::new_for_http().on_failure(()))
 }
 
 fn documented() -> OpenApiRouter<Service> {

@@ -168,7 +168,7 @@ fn transient(solver: &mut Solver, steps: &Steps, start: Solution) -> Result<Ende
     let mut record = |m: Moment<'_>| {
         // Between the kept steps lies nothing; the moment of a verdict is always kept.
         let on_grid = m.time_a == m.step as f64 * steps.dt_a;
-        if m.step % steps.series_every == 0 || m.step == steps.count || !on_grid {
+        if m.step.is_multiple_of(steps.series_every) || m.step == steps.count || !on_grid {
             push(&mut series, &model, m);
         }
         if wanted.next_if(|step| **step == m.step).is_some() && on_grid {

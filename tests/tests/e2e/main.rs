@@ -24,7 +24,7 @@ fn number(v: &Value) -> f64 {
 
 fn assert_close(what: &str, got: &Value, expected: &Value, relative: f64) {
     let (got, expected) = (number(got), number(expected));
-    let error = (got - expected).abs() / expected.abs();
+    let error = if got == expected { 0.0 } else { (got - expected).abs() / expected.abs() };
     assert!(error <= relative, "{what}: {got} is not {expected} (relative error {error:.2e})");
 }
 

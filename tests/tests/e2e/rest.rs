@@ -215,7 +215,7 @@ fn problems_are_problem_documents() {
         ("/api/v1/sweeps/none/runs.parquet".to_owned(), 404),
         ("/api/v1/nothing".to_owned(), 404),
         (format!("/api/v1/sweeps/{id}/events"), 501),
-        (format!("/api/v1/sweeps/{id}/runs?filter=b>1"), 501),
+        (format!("/api/v1/sweeps/{id}/runs?filter=b%3E1"), 501),
         (format!("/api/v1/sweeps/{id}/runs?sort=nothing"), 422),
         (format!("/api/v1/sweeps/{id}/runs?sort=b%22;DROP%20TABLE%20runs"), 422),
         (format!("/api/v1/sweeps/{id}/runs?limit=0"), 422),
