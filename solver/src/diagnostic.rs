@@ -79,6 +79,10 @@ impl Solver {
     fn guess(&self, thickness_m: &[f64], length_m: f64) -> Result<State, SolveError> {
         let p = self.model.parameters();
         let n = p.n_cells;
+        if thickness_m.len() != n {
+            let what = format!("it has {} cells where n_cells = {n}", thickness_m.len());
+            return Err(SolveError::UnusableState { what });
+        }
         let mut s = State::zeros(n);
         s.length_m = length_m;
         s.thickness_m.copy_from_slice(thickness_m);

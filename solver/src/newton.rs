@@ -43,7 +43,7 @@ pub struct Workspace {
 pub struct Limits {
     /// Newton iterations.
     pub iterations: usize,
-    /// A full step whose largest component is below this is the last.
+    /// A full step whose largest component, relative to its unknown, is below this is the last.
     pub step_tolerance: f64,
 }
 
@@ -85,6 +85,14 @@ impl Workspace {
         }
     }
 
+    /// Largest component of the step relative to its unknown.
+    fn relative_step(&self) -> f64 {
+        /// Unknowns below this are measured against it, in units of their scale.
+        const FLOOR: f64 = 1e-3;
+        let relative = self.step.iter().zip(&self.x).map(|(s, x)| s.abs() / x.abs().max(FLOOR));
+        relative.fold(0.0, f64::max)
+    }
+
     /// Natural monotonicity test (Deuflhard 2011, §3.3). The residual's norm depends on how rows are
     /// scaled; the simplified Newton correction at the trial point does not.
     fn correction_shrinks(&mut self, share: f64) -> bool {
@@ -120,11 +128,15 @@ fn iterate<S: System>(
     const SHORTEST: f64 = 1e-5;
     /// Share of the predicted decrease that a step must bring.
     const SUFFICIENT: f64 = 1e-4;
+    /// Relative size of steps that may be rounding: the residual's differences of neighbouring
+    /// velocities lose up to ten digits in a short mélange.
+    const ROUNDING: f64 = 1e-7;
 
     debug_assert_eq!(w.x.len(), system.unknowns());
     system
         .linearise(&w.x, &mut w.residual, &mut w.jacobian)
         .map_err(|_| NewtonFailure::OutsideDomain)?;
+    let mut last_change = f64::INFINITY;
     for iteration in 1..=limits.iterations {
         let norm = norm2(&w.residual);
         w.history.push(norm);
@@ -133,13 +145,16 @@ fn iterate<S: System>(
             *step = -residual;
         }
         w.jacobian.solve(&mut w.step);
-        let largest = w.step.iter().fold(0.0_f64, |a, s| a.max(s.abs()));
-        if !largest.is_finite() {
+        if !norm2(&w.step).is_finite() {
             return Err(NewtonFailure::Singular);
         }
+        let change = w.relative_step();
+        // Full steps this small that no longer shrink are rounding: the root is as good as it gets.
+        let is_rounding = change < ROUNDING && change > 0.2 * last_change;
+        last_change = change;
 
         let mut share = system.longest_step(&w.x, &w.step);
-        if share == 1.0 && largest < limits.step_tolerance {
+        if share == 1.0 && (change < limits.step_tolerance || is_rounding) {
             w.advance(share);
             if system.residual(&w.trial, &mut w.residual).is_ok() {
                 std::mem::swap(&mut w.x, &mut w.trial);

@@ -6,7 +6,7 @@
 
 use crate::error::SolveError;
 use crate::newton::{Limits, Root};
-use crate::physics::fluidity::Relaxation;
+use crate::physics::fluidity::{Relaxation, yield_excess};
 use crate::state::State;
 use crate::{Solver, Task};
 
@@ -17,6 +17,10 @@ pub(crate) const LEVELS: [f64; 14] =
 /// What is being done, for errors.
 pub(crate) const STAGE: &str = "taking the smoothing of the rheology's kinks to zero";
 
+/// A root whose every cell is this many ε away from its kink is followed to ε = 0 in one step: the
+/// smoothing then changes |μ − μ_s| by less than 1/200 of itself.
+const CLEAR: f64 = 10.0;
+
 impl Solver {
     /// Solves a task at every level below `reached`, at which the iterate is a root. Where a root ends
     /// on a kink, the fluidity relaxes in pseudo-time to the one that takes over.
@@ -24,8 +28,40 @@ impl Solver {
         let mut root = None;
         for level in LEVELS.into_iter().filter(|level| *level < reached) {
             root = Some(self.solve_or_relax(task.smoothed(level), STAGE)?);
+            if let Some(root) = self.leap(task, level) {
+                return Ok(root);
+            }
         }
         Ok(root.expect("the last level, 0, is below any other"))
+    }
+
+    /// From the root at `level` to the model itself, if every cell is clear of its kink and keeps its
+    /// side of it; else the iterate stays where it was.
+    pub(crate) fn leap(&mut self, task: Task<'_>, level: f64) -> Option<Root> {
+        let excess = self.yield_excesses();
+        if level == 0.0 || excess.iter().any(|e| e.abs() < CLEAR * level) {
+            return None;
+        }
+        let limits = Limits { iterations: 6, ..Limits::default() };
+        let saved = self.newton.x.clone();
+        let root = self.solve_from_iterate(task.smoothed(0.0), limits, STAGE).ok();
+        let root = root.filter(|_| {
+            let same_side =
+                |(a, b): (&f64, &f64)| (a > &0.0) == (b > &0.0) && b.abs() > 0.5 * a.abs();
+            excess.iter().zip(&self.yield_excesses()).all(same_side)
+        });
+        if root.is_none() {
+            self.newton.x.copy_from_slice(&saved);
+        }
+        root
+    }
+
+    /// μ − μ_s of the iterate's interior cells.
+    fn yield_excesses(&self) -> Vec<f64> {
+        let n = self.model.parameters.n_cells;
+        let mut state = State::zeros(n);
+        state.unpack(&self.newton.x);
+        (1..n - 1).map(|c| yield_excess(&self.model.parameters, &state, c)).collect()
     }
 
     /// Newton's method from the iterate; from where the fluidity relaxes to, if that fails.

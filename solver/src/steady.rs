@@ -15,8 +15,16 @@ use crate::{Model, Solution, Solver, Task, diagnostic};
 
 /// A mélange counts as collapsed when H₀ falls below this multiple of d, its thickness at the end …
 pub const COLLAPSE_THICKNESS_RATIO: f64 = 1.02;
-/// … or L below this multiple of d: a dozen icebergs in a row are no continuum.
+/// … or, being thinner than this multiple of d, …
+pub const COLLAPSE_SHORT_THICKNESS_RATIO: f64 = 1.5;
+/// … is shorter than this one: a dozen icebergs in a row are no continuum.
 pub const COLLAPSE_LENGTH_RATIO: f64 = 12.0;
+/// A mélange that cannot be solved any further is overthick above this share of H_t: where the
+/// glacier retreats, the velocity relative to the walls vanishes as H₀ reaches H_t.
+pub const NEARLY_OVERTHICK: f64 = 0.95;
+/// Walls count as met where the fjord is narrower than this share of its width at the terminus and
+/// the mélange cannot be solved any further.
+pub const NEARLY_CLOSED: f64 = 0.02;
 
 /// How the search for a steady state ended. Every text is evidence in one sentence.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,7 +67,7 @@ const GROWTH: f64 = 2.0;
 /// Most steps of a march.
 const MARCH_STEPS: usize = 400;
 /// A march whose H₀ exceeds this multiple of H_t is given up as overthick.
-const RUNAWAY_THICKNESS_RATIO: f64 = 2.0;
+const RUNAWAY_THICKNESS_RATIO: f64 = 1.5;
 
 impl Model {
     /// Refuses what has no steady state by construction.
@@ -200,14 +208,8 @@ impl Solver {
                 }
             }
         }
-        let closes_at_m = self.model.fjord.closes_at_m();
-        /// Share of the fjord that a mélange fills when it is said to reach its end.
-        const FILLED: f64 = 0.8;
-        if state.length_m > FILLED * closes_at_m {
-            return Ok(March::Ended(Box::new(SteadyVerdict::FjordClosed(format!(
-                "the mélange grows to {:.0} m, where the walls, which meet at {closes_at_m:.0} m, stop it",
-                state.length_m
-            )))));
+        if let Some(verdict) = self.stopped_by(&state) {
+            return Ok(March::Ended(Box::new(verdict)));
         }
         Err(failure.unwrap_or(SolveError::NotConverged {
             stage,
@@ -222,16 +224,35 @@ impl Solver {
     fn runaway(&self, s: &State, time_a: f64) -> Option<SteadyVerdict> {
         let p = &self.model.parameters;
         let h0 = s.thickness_0_m();
-        if collapsed(&self.model, s) {
-            return Some(SteadyVerdict::NoSteadyState(format!(
-                "every march collapses; the last one within {time_a:.3} a, at L = {:.0} m and H0 = {h0:.2} m",
-                s.length_m
-            )));
-        }
-        (h0 > RUNAWAY_THICKNESS_RATIO * p.terminus_thickness_m).then(|| {
-            SteadyVerdict::Overthick(format!(
+        if h0 > RUNAWAY_THICKNESS_RATIO * p.terminus_thickness_m {
+            return Some(SteadyVerdict::Overthick(format!(
                 "the mélange grows past {h0:.0} m at the terminus, which is {} m thick",
                 p.terminus_thickness_m
+            )));
+        }
+        collapsed(&self.model, s).then(|| {
+            SteadyVerdict::NoSteadyState(format!(
+                "every march collapses; the last one within {time_a:.3} a, at L = {:.0} m and H0 = {h0:.2} m",
+                s.length_m
+            ))
+        })
+    }
+
+    /// What stands in the way of a march that cannot go on.
+    fn stopped_by(&self, s: &State) -> Option<SteadyVerdict> {
+        /// Share of the fjord that a mélange fills when it is said to reach its end.
+        const FILLED: f64 = 0.8;
+        let (h0, terminus) = (s.thickness_0_m(), self.model.parameters.terminus_thickness_m);
+        if h0 > NEARLY_OVERTHICK * terminus {
+            return Some(SteadyVerdict::Overthick(format!(
+                "the mélange grows to {h0:.0} m at the terminus, which is {terminus} m thick, and no further"
+            )));
+        }
+        let closes_at_m = self.model.fjord.closes_at_m();
+        (s.length_m > FILLED * closes_at_m).then(|| {
+            SteadyVerdict::FjordClosed(format!(
+                "the mélange grows to {:.0} m, where the walls, which meet at {closes_at_m:.0} m, stop it",
+                s.length_m
             ))
         })
     }
@@ -270,13 +291,16 @@ impl Solver {
         let mut root = None;
         for level in LEVELS.into_iter().filter(|level| *level < reached) {
             state.unpack(&self.newton.x);
-            let task = Task::new(MassBalance::Steady).smoothed(level);
-            match self.solve_from_iterate(task, limits, smoothing::STAGE) {
+            let task = Task::new(MassBalance::Steady);
+            match self.solve_from_iterate(task.smoothed(level), limits, smoothing::STAGE) {
                 Ok(found) => root = Some(found),
                 Err(_) => match self.march(state.clone(), FIRST_STEP_A, level)? {
                     March::Settled(found) => root = Some(found),
                     March::Ended(verdict) => return Ok(Err(*verdict)),
                 },
+            }
+            if let Some(root) = self.leap(task, level) {
+                return Ok(Ok(root));
             }
         }
         Ok(Ok(root.expect("the last level, 0, is below any other")))
@@ -286,5 +310,7 @@ impl Solver {
 /// Whether a state counts as collapsed.
 pub fn collapsed(model: &Model, s: &State) -> bool {
     let d = model.parameters().d_m;
-    s.thickness_0_m() <= COLLAPSE_THICKNESS_RATIO * d || s.length_m <= COLLAPSE_LENGTH_RATIO * d
+    let h0 = s.thickness_0_m();
+    h0 <= COLLAPSE_THICKNESS_RATIO * d
+        || (s.length_m <= COLLAPSE_LENGTH_RATIO * d && h0 <= COLLAPSE_SHORT_THICKNESS_RATIO * d)
 }

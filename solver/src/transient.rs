@@ -6,7 +6,7 @@ use crate::observe::{Moment, Observer};
 use crate::physics::continuity::MassBalance;
 use crate::smoothing::LEVELS;
 use crate::state::State;
-use crate::steady::collapsed;
+use crate::steady::{NEARLY_CLOSED, NEARLY_OVERTHICK, collapsed};
 use crate::{Solver, Task};
 
 /// Steps of one fixed length. Times are step · Δt, never accumulated.
@@ -122,14 +122,8 @@ impl Solver {
                 Ok(to_a)
             }
             Err(error) if halvings == 0 => {
-                let width_end = self.model.fjord.width(end.terminus_x_m + end.state.length_m);
-                /// Width, relative to the terminus', at which the walls count as met.
-                const MET: f64 = 0.02;
-                if width_end < MET * self.model.parameters.width_m {
-                    end.ending = Ending::FjordClosed;
-                    return Ok(from_a);
-                }
-                Err(error)
+                end.ending = self.stopped_by_what(&end.state, end.terminus_x_m).ok_or(error)?;
+                Ok(from_a)
             }
             Err(_) => {
                 end.divided_steps += usize::from(halvings == HALVINGS);
@@ -165,14 +159,31 @@ impl Solver {
     }
 
     fn ending(&self, s: &State, terminus_x_m: f64) -> Ending {
-        if collapsed(&self.model, s) {
-            Ending::Collapsed
+        if self.narrowest_m(s, terminus_x_m) <= 0.0 {
+            Ending::FjordClosed
         } else if s.thickness_0_m() >= self.model.parameters.terminus_thickness_m {
             Ending::Overthick
-        } else if self.model.fjord.width(terminus_x_m + s.length_m) <= 0.0 {
-            Ending::FjordClosed
+        } else if collapsed(&self.model, s) {
+            Ending::Collapsed
         } else {
             Ending::Completed
         }
+    }
+
+    /// What stands in the way of a mélange whose next step has no solution, however short.
+    fn stopped_by_what(&self, s: &State, terminus_x_m: f64) -> Option<Ending> {
+        let p = &self.model.parameters;
+        if self.narrowest_m(s, terminus_x_m) < NEARLY_CLOSED * p.width_m {
+            Some(Ending::FjordClosed)
+        } else {
+            let is_thick = s.thickness_0_m() > NEARLY_OVERTHICK * p.terminus_thickness_m;
+            is_thick.then_some(Ending::Overthick)
+        }
+    }
+
+    /// The fjord's width where it is narrowest within the mélange: at one of its ends.
+    fn narrowest_m(&self, s: &State, terminus_x_m: f64) -> f64 {
+        let fjord = &self.model.fjord;
+        fjord.width(terminus_x_m).min(fjord.width(terminus_x_m + s.length_m))
     }
 }

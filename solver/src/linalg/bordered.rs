@@ -125,8 +125,24 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
         for k in (0..n - 1).rev() {
             let row = self.band.row_from(k, k);
             let last = (k + KL + KU).min(n - 2);
-            let tail: f64 = row[1..].iter().zip(&rhs[k + 1..=last]).map(|(a, x)| a * x).sum();
+            let tail = dot(&row[1..], &rhs[k + 1..=last]);
             rhs[k] = (rhs[k] - self.border[k] * border_value - tail) / row[0];
         }
     }
+}
+
+/// Sum of products over the shorter of both, in four sums that do not wait for each other.
+#[inline]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let shorter = a.len().min(b.len());
+    let (a, b) = (&a[..shorter], &b[..shorter]);
+    let mut sums = [0.0; 4];
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a.zip(b) {
+        for l in 0..4 {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }

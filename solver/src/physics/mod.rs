@@ -157,7 +157,8 @@ impl<'a> Equations<'a> {
             widths,
             widths_by_length,
         };
-        if !inside_domain(state, widths) {
+        let ends = [0.0, state.length_m].map(|x| problem.fjord.width(problem.terminus_x_m + x));
+        if !inside_domain(state, &ends) {
             return Err(OutsideDomain);
         }
         sidewall::sections(&medium, state, sections);
@@ -173,17 +174,17 @@ impl<'a> Equations<'a> {
         let given = matches!(self.problem.balance, MassBalance::Given { .. });
         RowScales {
             n: self.scratch.state.n_cells(),
-            first_mass: if given { scale::THICKNESS } else { self.problem.closure.scale() },
-            mass: if given { scale::THICKNESS } else { scale::MASS_BALANCE },
-            length: if given { scale::LENGTH } else { scale::THICKNESS },
+            first_mass: 1.0 / if given { scale::THICKNESS } else { self.problem.closure.scale() },
+            mass: 1.0 / if given { scale::THICKNESS } else { scale::MASS_BALANCE },
+            length: 1.0 / if given { scale::LENGTH } else { scale::THICKNESS },
         }
     }
 }
 
-/// L, H, g, g + ε̇ and W are positive, and so are the extrapolated thicknesses at both ends.
-fn inside_domain(s: &State, widths: &[f64]) -> bool {
+/// L, H, g, g + ε̇ are positive, and so are width and extrapolated thickness at both ends.
+fn inside_domain(s: &State, widths_at_ends: &[f64]) -> bool {
     s.length_m > 0.0
-        && widths.iter().all(|w| *w > 0.0)
+        && widths_at_ends.iter().all(|w| *w > 0.0)
         && s.thickness_m.iter().all(|h| *h > 0.0)
         && s.thickness_0_m() > 0.0
         && s.thickness_end_m() > 0.0
@@ -193,7 +194,7 @@ fn inside_domain(s: &State, widths: &[f64]) -> bool {
             .all(|(c, g)| *g > 0.0 && g + s.strain_rate_per_a(c) > 0.0)
 }
 
-/// Units of the rows (Appendix B); those of the mass rows depend on what stands in them.
+/// Inverse units of the rows (Appendix B); those of the mass rows depend on what stands in them.
 #[derive(Debug, Clone, Copy)]
 struct RowScales {
     n: usize,
@@ -204,14 +205,13 @@ struct RowScales {
 
 impl RowScales {
     #[inline]
-    fn of(&self, row: Var) -> f64 {
+    fn inverse_of(&self, row: Var) -> f64 {
         match row {
-            Var::U(0) => scale::VELOCITY,
-            Var::U(j) if j == self.n => scale::VELOCITY,
-            Var::U(_) => scale::MOMENTUM,
-            Var::Mu(_) => scale::VELOCITY,
-            Var::G(c) if c == 0 || c + 1 == self.n => scale::FLUIDITY,
-            Var::G(_) => scale::FLUIDITY_CURVATURE,
+            Var::U(0) | Var::Mu(_) => 1.0 / scale::VELOCITY,
+            Var::U(j) if j == self.n => 1.0 / scale::VELOCITY,
+            Var::U(_) => 1.0 / scale::MOMENTUM,
+            Var::G(c) if c == 0 || c + 1 == self.n => 1.0 / scale::FLUIDITY,
+            Var::G(_) => 1.0 / scale::FLUIDITY_CURVATURE,
             Var::H(0) => self.first_mass,
             Var::H(_) => self.mass,
             Var::L(_) => self.length,
@@ -227,7 +227,7 @@ struct ResidualOnly<'a> {
 impl Sink for ResidualOnly<'_> {
     #[inline]
     fn residual(&mut self, row: Var, value: f64) {
-        self.residual[row.index()] = value / self.rows.of(row);
+        self.residual[row.index()] = value * self.rows.inverse_of(row);
     }
 
     #[inline]
@@ -243,12 +243,13 @@ struct WithJacobian<'a> {
 impl Sink for WithJacobian<'_> {
     #[inline]
     fn residual(&mut self, row: Var, value: f64) {
-        self.residual[row.index()] = value / self.rows.of(row);
+        self.residual[row.index()] = value * self.rows.inverse_of(row);
     }
 
     #[inline]
     fn slope(&mut self, row: Var, by: Var, value: f64) {
-        self.jacobian.add(row.index(), by.index(), value * by.scale() / self.rows.of(row));
+        let scaled = value * (by.scale() * self.rows.inverse_of(row));
+        self.jacobian.add(row.index(), by.index(), scaled);
     }
 }
 

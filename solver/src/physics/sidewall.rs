@@ -93,6 +93,8 @@ pub fn mean_speeds(p: &Parameters, sections: &[Section], out: &mut [MeanSpeed]) 
 
 /// Ψ, ∂Ψ/∂μ_w and ∂Ψ/∂κ of eight sections.
 fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
+    // 1/μ by one division per section; the pivots are the only divisions of the loops.
+    let inverse_mu_w = mu_w.map(|mu| 1.0 / mu);
     // Forward sweep of φ and of the adjoint λ, whose right-hand side is c·μ.
     let mut inverse = [[0.0; LANES]; INNER];
     let mut phi = [[0.0; LANES]; INNER];
@@ -101,13 +103,15 @@ fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
         ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     for m in 0..INNER {
         let share = 1.0 - (m + 1) as f64 / INTERVALS as f64;
+        let inverse_share = 1.0 / share;
         let diagonal = if m == 0 || m == INNER - 1 { 1.0 } else { 2.0 };
         for l in 0..LANES {
             let mu = mu_w[l] * share;
             let excess = mu - mu_s;
-            let above = excess.max(0.0);
+            let above = positive_part(excess);
             let pivot = 1.0 / (diagonal + kappa[l] * excess.abs() - last_inverse[l]);
-            last_phi[l] = (kappa[l] * above * above / mu + last_phi[l]) * pivot;
+            last_phi[l] =
+                (kappa[l] * above * above * inverse_mu_w[l] * inverse_share + last_phi[l]) * pivot;
             last_lambda[l] = (WEIGHTS[m] * mu + last_lambda[l]) * pivot;
             last_inverse[l] = pivot;
         }
@@ -118,10 +122,11 @@ fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
     let (mut next_phi, mut next_lambda) = ([0.0; LANES], [0.0; LANES]);
     for m in (0..INNER).rev() {
         let share = 1.0 - (m + 1) as f64 / INTERVALS as f64;
+        let inverse_share = 1.0 / share;
         for l in 0..LANES {
             let mu = mu_w[l] * share;
             let excess = mu - mu_s;
-            let ratio = excess.max(0.0) / mu;
+            let ratio = positive_part(excess) * inverse_mu_w[l] * inverse_share;
             next_phi[l] = phi[m][l] + inverse[m][l] * next_phi[l];
             next_lambda[l] = lambda[m][l] + inverse[m][l] * next_lambda[l];
             let sign = if excess > 0.0 { 1.0 } else { -1.0 };
@@ -130,10 +135,17 @@ fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
             sums[1][l] += share
                 * (WEIGHTS[m] * next_phi[l]
                     + next_lambda[l] * (source_by_mu - kappa[l] * sign * next_phi[l]));
-            sums[2][l] += next_lambda[l] * (excess.max(0.0) * ratio - excess.abs() * next_phi[l]);
+            sums[2][l] +=
+                next_lambda[l] * (positive_part(excess) * ratio - excess.abs() * next_phi[l]);
         }
     }
     sums
+}
+
+/// Unlike `f64::max`, one instruction.
+#[inline]
+fn positive_part(x: f64) -> f64 {
+    if x > 0.0 { x } else { 0.0 }
 }
 
 /// The μ_w that gives each section its speed (signed, m a⁻¹): Newton on the increasing ū(μ_w),
