@@ -224,13 +224,15 @@ impl Solver {
     fn runaway(&self, s: &State, time_a: f64) -> Option<SteadyVerdict> {
         let p = &self.model.parameters;
         let h0 = s.thickness_0_m();
-        if h0 > RUNAWAY_THICKNESS_RATIO * p.terminus_thickness_m {
+        let is_collapsed = collapsed(&self.model, s);
+        let ratio = if is_collapsed { 1.0 } else { RUNAWAY_THICKNESS_RATIO };
+        if h0 >= ratio * p.terminus_thickness_m {
             return Some(SteadyVerdict::Overthick(format!(
                 "the mélange grows past {h0:.0} m at the terminus, which is {} m thick",
                 p.terminus_thickness_m
             )));
         }
-        collapsed(&self.model, s).then(|| {
+        is_collapsed.then(|| {
             SteadyVerdict::NoSteadyState(format!(
                 "every march collapses; the last one within {time_a:.3} a, at L = {:.0} m and H0 = {h0:.2} m",
                 s.length_m

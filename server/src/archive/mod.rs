@@ -6,6 +6,7 @@ pub mod catalogue;
 pub mod files;
 pub mod read;
 pub mod schema;
+pub mod start;
 
 use crate::domain::outcome::Outcome;
 
@@ -44,6 +45,9 @@ pub enum ArchiveError {
         /// Why.
         source: parquet::errors::ParquetError,
     },
+    /// A reader broke off.
+    #[error("reading the archive broke off: {0}")]
+    Broken(#[from] tokio::task::JoinError),
     /// A file lacks a column.
     #[error("the archive's file {path} lacks the column {column}")]
     Column {

@@ -1,12 +1,13 @@
 //! One run back from its files. Knows the tables, not their SQL.
 
 use super::ArchiveError;
-use super::catalogue::Entry;
+use super::catalogue::{self, Entry};
 use super::schema::Kind;
 use crate::domain::outcome::{
     EffectiveParameters, Outcome, PROFILE, Profile, SERIES, Series, StoredState,
 };
 use crate::domain::status::Status;
+use crate::store::Store;
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use arrow_array::{Array, BooleanArray, Float64Array, RecordBatch, StringArray};
@@ -24,6 +25,14 @@ pub fn open(archive: &Path, path: &str) -> Result<ParquetRecordBatchReader, Arch
     ParquetRecordBatchReaderBuilder::try_new(file)
         .and_then(|builder| builder.build())
         .map_err(|source| ArchiveError::Parquet { path: path.to_owned(), source })
+}
+
+/// A run by id with its whole result, read off the async threads.
+pub async fn stored(store: &Store, run_id: &str) -> Result<Option<Outcome>, ArchiveError> {
+    let entry = catalogue::run(&mut *store.read().await?, run_id).await?;
+    let Some(entry) = entry else { return Ok(None) };
+    let archive = store.archive();
+    tokio::task::spawn_blocking(move || outcome(&archive, &entry)).await?.map(Some)
 }
 
 /// The whole result of a run.
@@ -95,7 +104,9 @@ fn series(archive: &Path, path: &str, run_id: &str) -> Result<Series, ArchiveErr
         for info in SERIES {
             let values: &Float64Array = column(&batch, path, info.name)?;
             let rows = (0..batch.num_rows()).filter(|row| ids.value(*row) == run_id);
-            (info.get_mut)(&mut found).extend(rows.map(|row| values.value(row)));
+            (info.get_mut)(&mut found).extend(
+                rows.map(|row| if values.is_valid(row) { values.value(row) } else { f64::NAN }),
+            );
         }
     }
     Ok(found)

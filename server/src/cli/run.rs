@@ -36,7 +36,8 @@ enum Format {
 /// Solves the scenario and prints the result.
 pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let text = read(&arguments.scenario)?;
-    let (shown, code) = match solve(&text) {
+    let solved = tokio::task::spawn_blocking(move || solve(&text)).await?;
+    let (shown, code) = match solved {
         Ok(outcome) => {
             let code = if outcome.status == Status::Failed { FAILED } else { VERDICT };
             let shown = match arguments.format {
@@ -63,7 +64,8 @@ fn solve(text: &str) -> Result<Outcome, Refusal> {
             "a single run has no archive to start from; submit it as a sweep",
         ));
     }
-    Ok(Walker::default().solve(&run, None))
+    let solved = Walker::default().solve(&run, Err("a single run has no archive"), &|| false);
+    solved.ok_or_else(|| Refusal::sentence("stopped before the run ended"))
 }
 
 /// The text of a file, or of standard input for `-`.

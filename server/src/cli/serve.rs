@@ -28,6 +28,9 @@ pub struct Arguments {
     pub workers: Option<u16>,
 }
 
+/// Exit code of a process interrupted twice.
+const INTERRUPTED: i32 = 130;
+
 /// The paper's melt sweep (Fig. 5) at 51 points, which `demo` queues.
 const MELT_SWEEP: &str = include_str!("../../../examples/melt-sweep.toml");
 
@@ -65,6 +68,9 @@ pub async fn main(arguments: &Arguments, demo: bool) -> anyhow::Result<ExitCode>
     tokio::spawn(async move {
         interruption().await;
         interrupted.cancel();
+        // Whoever asks a second time does not want to wait.
+        interruption().await;
+        std::process::exit(INTERRUPTED);
     });
     axum::serve(listener, http::router(service))
         .with_graceful_shutdown(async move { stop.cancelled().await })

@@ -2,7 +2,9 @@
 
 use super::run::read;
 use super::serve::threads;
+use crate::archive::start;
 use crate::domain::document::Document;
+use crate::domain::refusal::Refusal;
 use crate::queue;
 use crate::store::Store;
 use crate::worker::Workers;
@@ -36,14 +38,18 @@ const REFUSED: u8 = 2;
 /// Queues the sweep and works until every run has ended.
 pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let text = read(&arguments.spec)?;
+    let refused = |refusal: Refusal| {
+        eprintln!("refused: {refusal}");
+        Ok(ExitCode::from(REFUSED))
+    };
     let sweep = match Document::parse(&text).and_then(Document::into_sweep) {
-        Ok(sweep) => sweep,
-        Err(refusal) => {
-            eprintln!("refused: {refusal}");
-            return Ok(ExitCode::from(REFUSED));
-        }
+        Ok(sweep) => Arc::new(sweep),
+        Err(refusal) => return refused(refusal),
     };
     let store = Store::open(&arguments.data).await?;
+    if let Err(refusal) = start::check(&store, &sweep).await? {
+        return refused(refusal);
+    }
     let workers =
         Workers::new(store.clone(), threads(arguments.workers), Arc::new(Notify::new())).await?;
     let id = queue::enqueue(&store, &sweep, workers.threads()).await?;

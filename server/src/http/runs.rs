@@ -80,10 +80,8 @@ pub async fn one(
     State(service): State<Service>,
     Path(id): Path<String>,
 ) -> Result<Json<Outcome>, Problem> {
-    let entry = catalogue::run(&mut *service.store.read().await?, &id).await?;
-    let entry = entry.ok_or_else(|| Problem::not_found("run", &id))?;
-    let archive = service.store.archive();
-    let outcome = tokio::task::spawn_blocking(move || read::outcome(&archive, &entry)).await??;
+    let outcome = read::stored(&service.store, &id).await?;
+    let outcome = outcome.ok_or_else(|| Problem::not_found("run", &id))?;
     Ok(Json(outcome))
 }
 

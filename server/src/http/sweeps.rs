@@ -3,11 +3,10 @@
 use super::Service;
 use super::error::Problem;
 use crate::analysis::{self, Fit, Law, NoFit};
-use crate::archive::catalogue;
-use crate::domain::document::{Document, Start};
+use crate::archive::{catalogue, start};
+use crate::domain::document::Document;
 use crate::domain::refusal::Refusal;
 use crate::domain::status::{Counts, SweepState};
-use crate::domain::sweep::SweepSpec;
 use crate::queue::{self, SweepRow};
 use axum::Json;
 use axum::body::Bytes;
@@ -15,6 +14,7 @@ use axum::extract::rejection::{BytesRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
 /// A sweep and how far it is.
@@ -133,37 +133,12 @@ pub async fn submit(
         Document::parse(text)?.into_sweep()
     })
     .await??;
-    check_start(&service, &sweep).await?;
+    let sweep = Arc::new(sweep);
+    start::check(&service.store, &sweep).await??;
     let id = queue::enqueue(&service.store, &sweep, service.workers).await?;
     service.wake.notify_waiters();
     tracing::info!(sweep = id, runs = sweep.count(), name = sweep.name(), "sweep submitted");
     Ok((StatusCode::ACCEPTED, Json(Submitted { id, count: sweep.count(), reused: 0 })))
-}
-
-/// A start that names a run must name one whose grid and thickness fit.
-async fn check_start(service: &Service, sweep: &SweepSpec) -> Result<(), Problem> {
-    let Some(Start::Run(id)) = &sweep.document().start else { return Ok(()) };
-    let refuse =
-        |permitted: String| Problem::from(Refusal::value("start.run", id.as_str(), permitted));
-    let entry = catalogue::run(&mut *service.store.read().await?, id).await?;
-    let Some(entry) = entry else {
-        return Err(refuse("the id of a stored run".into()));
-    };
-    if entry.scalars.length_m.is_none() {
-        return Err(refuse(format!(
-            "a run with a state; this one ended {}",
-            entry.row.text("status")
-        )));
-    }
-    let n_cells = entry.parameters.n_cells;
-    let misfit = (0..sweep.count()).map(|i| sweep.run(i)).find(|r| r.parameters.n_cells != n_cells);
-    match misfit {
-        Some(run) => Err(refuse(format!(
-            "a run with n_cells = {}, as this sweep has; the stored one has {n_cells}",
-            run.parameters.n_cells
-        ))),
-        None => Ok(()),
-    }
 }
 
 /// List sweeps, the newest first.

@@ -3,7 +3,7 @@
 
 pub mod solve;
 
-use crate::archive::{ArchiveError, SolvedRun, catalogue, files, read};
+use crate::archive::{SolvedRun, catalogue, files, read};
 use crate::domain::document::{Document, Start};
 use crate::domain::outcome::Profile;
 use crate::domain::sweep::SweepSpec;
@@ -82,7 +82,7 @@ impl Workers {
     async fn slot(&self, stop: &CancellationToken) {
         while !stop.is_cancelled() {
             let pause = match queue::lease(&self.store).await {
-                Ok(Some(lease)) => match self.chunk(&lease).await {
+                Ok(Some(lease)) => match self.chunk(&lease, stop).await {
                     Ok(()) => continue,
                     Err(error) => {
                         tracing::error!(sweep = lease.sweep_id, chunk = lease.chunk, "{error:#}");
@@ -106,17 +106,23 @@ impl Workers {
         }
     }
 
-    /// One chunk from lease to commit.
-    async fn chunk(&self, lease: &Lease) -> anyhow::Result<()> {
+    /// One chunk from lease to commit; given back if told to stop before it is solved.
+    async fn chunk(&self, lease: &Lease, stop: &CancellationToken) -> anyhow::Result<()> {
         let sweep = self.sweep(&lease.sweep_id).await?;
-        let starts = self.starts(&sweep, lease).await?;
+        let start = self.start(&sweep).await;
         let (send, receive) = oneshot::channel();
-        let (spec, held) = (sweep.clone(), lease.clone());
+        let (spec, held, stop) = (sweep.clone(), lease.clone(), stop.clone());
         self.pool.spawn(move || {
+            let start = start.as_ref().map_err(String::as_str);
+            let solved = solve_chunk(&spec, &held, start, &|| stop.is_cancelled());
             // The receiver is gone only when the process ends.
-            send.send(solve_chunk(&spec, &held, &starts)).ok();
+            send.send(solved).ok();
         });
-        let (runs, duration) = receive.await.context("the solver's threads are gone")?;
+        let solved = receive.await.context("the solver's threads are gone")?;
+        let Some((runs, duration)) = solved else {
+            queue::give_back(&self.store, lease).await?;
+            return Ok(());
+        };
 
         let archive = self.store.archive();
         let held = lease.clone();
@@ -151,9 +157,10 @@ impl Workers {
         let finished: Result<(), LeaseLost> = queue::finish(tx, lease, statuses).await?;
         finished?;
         catalogue::insert(tx, &lease.sweep_id, lease.chunk, written, runs).await?;
-        let first = sweep.run(lease.first_run);
-        let work = first.work() * runs.len() as f64;
-        queue::measured(tx, first.regime.name(), duration.as_secs_f64() / work).await?;
+        let stretch = lease.first_run..lease.first_run + lease.run_count;
+        let work: f64 = stretch.map(|i| sweep.run(i).work()).sum();
+        let regime = sweep.run(lease.first_run).regime.name();
+        queue::measured(tx, regime, duration.as_secs_f64() / work).await?;
         Ok(())
     }
 
@@ -180,46 +187,37 @@ impl Workers {
         Ok(spec)
     }
 
-    /// The stored states that runs of a chunk name as their start.
-    async fn starts(
-        &self,
-        sweep: &SweepSpec,
-        lease: &Lease,
-    ) -> anyhow::Result<HashMap<String, Profile>> {
-        let mut starts = HashMap::new();
-        if let Some(Start::Run(id)) = &sweep.document().start
-            && let Some(profile) = start_profile(&self.store, id).await?
-        {
-            tracing::debug!(sweep = lease.sweep_id, run = id, "starting from a stored run");
-            starts.insert(id.clone(), profile);
+    /// The stored state that the sweep names as its start, or why there is none; a start that cannot be
+    /// read is a failure of its runs, not of the chunk.
+    async fn start(&self, sweep: &SweepSpec) -> Result<Profile, String> {
+        let Some(Start::Run(id)) = &sweep.document().start else {
+            return Err("the sweep names no run to start from".into());
+        };
+        match read::stored(&self.store, id).await {
+            Ok(Some(outcome)) => outcome.profile.ok_or_else(|| "it has no state".into()),
+            Ok(None) => Err("it is not in the archive".into()),
+            Err(error) => Err(error.to_string()),
         }
-        Ok(starts)
     }
 }
 
-/// The last state of a stored run, if there is one.
-pub async fn start_profile(store: &Store, run_id: &str) -> Result<Option<Profile>, ArchiveError> {
-    let entry = catalogue::run(&mut *store.read().await?, run_id).await?;
-    let Some(entry) = entry else { return Ok(None) };
-    Ok(read::outcome(&store.archive(), &entry)?.profile)
-}
-
+/// The chunk's runs, solved in order, and how long it took; none if told to stop.
 fn solve_chunk(
     sweep: &SweepSpec,
     lease: &Lease,
-    starts: &HashMap<String, Profile>,
-) -> (Vec<SolvedRun>, Duration) {
+    start: Result<&Profile, &str>,
+    stop: &dyn Fn() -> bool,
+) -> Option<(Vec<SolvedRun>, Duration)> {
     let begin = Instant::now();
     let mut walker = Walker::default();
-    let runs = (lease.first_run..lease.first_run + lease.run_count)
-        .map(|run_index| {
-            let run = sweep.run(run_index);
-            let start = match &run.start {
-                Some(Start::Run(id)) => starts.get(id),
-                _ => None,
-            };
-            SolvedRun { run_index, run_id: run.id(), outcome: walker.solve(&run, start) }
-        })
-        .collect();
-    (runs, begin.elapsed())
+    let mut runs = Vec::with_capacity(lease.run_count);
+    for run_index in lease.first_run..lease.first_run + lease.run_count {
+        if stop() {
+            return None;
+        }
+        let run = sweep.run(run_index);
+        let outcome = walker.solve(&run, start, stop)?;
+        runs.push(SolvedRun { run_index, run_id: run.id(), outcome });
+    }
+    Some((runs, begin.elapsed()))
 }

@@ -50,41 +50,63 @@ impl Ended {
         }
     }
 
-    fn solved(solution: Solution, detail: String, root_evidence: Option<&'static str>) -> Self {
+    fn solved(solution: Solution, detail: &str) -> Self {
         Self {
             iterations: solution.iterations,
             residual_norm: solution.residual_norm,
             state: Some(solution.state),
-            root_evidence,
-            ..Self::verdict(Status::Converged, detail)
+            root_evidence: Some(SMOOTHING_LIMIT),
+            ..Self::verdict(Status::Converged, detail.to_owned())
         }
     }
 }
 
 impl Walker {
-    /// Solves a run. `start` is the stored state that a run named as its start; a failure, even of the
-    /// program, is an outcome.
-    pub fn solve(&mut self, run: &RunSpec, start: Option<&Profile>) -> Outcome {
-        let ended =
-            catch_unwind(AssertUnwindSafe(|| self.ended(run, start))).unwrap_or_else(|_| {
-                *self = Self::default();
-                Ended::verdict(Status::Failed, "the solver broke off: a defect to report".into())
-            });
-        outcome(run, ended)
+    /// Solves a run. `start` is the stored state that a run named as its start, or why there is none; a
+    /// failure, even of the program, is an outcome. `None` if `stop` said so on the way.
+    pub fn solve(
+        &mut self,
+        run: &RunSpec,
+        start: Result<&Profile, &str>,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Outcome> {
+        let solved = catch_unwind(AssertUnwindSafe(|| self.ended(run, start, stop)));
+        let ended = solved.unwrap_or_else(|_| {
+            *self = Self::default();
+            Some(Ended::verdict(Status::Failed, "the solver broke off: a defect to report".into()))
+        });
+        ended.map(|ended| outcome(run, ended))
     }
 
-    fn ended(&mut self, run: &RunSpec, start: Option<&Profile>) -> Ended {
-        let failed = |e: SolveError| {
-            let iterations = match &e {
-                SolveError::NotConverged { iterations, .. } => *iterations,
-                _ => 0,
-            };
-            Ended { iterations, ..Ended::verdict(Status::Failed, e.to_string()) }
+    fn ended(
+        &mut self,
+        run: &RunSpec,
+        start: Result<&Profile, &str>,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Ended> {
+        let (solver, solution) = match self.prepared(run, start) {
+            Ok(prepared) => prepared,
+            Err(ended) => return Some(*ended),
         };
-        let model = match Model::new(run.parameters, run.closure) {
-            Ok(model) => model,
-            Err(e) => return Ended::verdict(Status::Failed, e.to_string()),
+        if let Some(steps) = &run.steps {
+            return transient(solver, steps, solution, stop);
+        }
+        let detail = match run.regime {
+            Regime::Steady => "steady state, picked by the limit of the smoothed rheology",
+            _ => "velocity, fluidity and friction solved at the given geometry",
         };
+        Some(Ended::solved(solution, detail))
+    }
+
+    /// The steady or diagnostic solution that is the run's result or its start; its end if there is none.
+    fn prepared(
+        &mut self,
+        run: &RunSpec,
+        start: Result<&Profile, &str>,
+    ) -> Result<(&mut Solver, Solution), Box<Ended>> {
+        let failed = |detail: String| Box::new(Ended::verdict(Status::Failed, detail));
+        let gave_up = |e: SolveError| Box::new(failure(&e));
+        let model = Model::new(run.parameters, run.closure).map_err(|e| failed(e.to_string()))?;
         let solver = match &mut self.solver {
             Some(solver) => {
                 solver.retarget(model);
@@ -93,61 +115,48 @@ impl Walker {
             none => none.insert(Solver::new(model)),
         };
         let steady = if run.needs_steady_state() {
-            match solver.steady(self.near.as_ref()) {
-                Ok(SteadyVerdict::Converged { solution, first_level }) => {
+            match solver.steady(self.near.as_ref()).map_err(gave_up)? {
+                SteadyVerdict::Converged { solution, first_level } => {
                     self.near = Some(first_level);
                     Some(solution)
                 }
-                Ok(other) => return verdict(other),
-                Err(e) => return failed(e),
+                other => return Err(Box::new(verdict(other))),
             }
         } else {
             None
         };
-        let geometry = match (&run.start, start, &steady) {
-            (Some(Start::Wedge(w)), _, _) => {
-                Some((diagnostic::wedge(&model, w.thickness_0_m), w.length_m))
-            }
-            (Some(Start::Run(_)), Some(profile), _) => {
+        let (thickness_m, length_m) = match (&run.start, steady) {
+            (Some(Start::Wedge(w)), _) => (diagnostic::wedge(&model, w.thickness_0_m), w.length_m),
+            (Some(Start::Run(id)), _) => {
+                let unreadable = |e| failed(format!("the start's run {id} could not be read: {e}"));
+                let profile = start.map_err(unreadable)?;
                 let length_m = profile.node_x_m.last().copied().unwrap_or(f64::NAN);
-                Some((profile.thickness_m.clone(), length_m))
+                (profile.thickness_m.clone(), length_m)
             }
-            (Some(Start::Run(id)), None, _) => {
-                let detail = format!("the start's run {id} could not be read");
-                return Ended::verdict(Status::Failed, detail);
+            (_, Some(steady)) if run.regime == Regime::Diagnostic => {
+                (steady.state.thickness_m, steady.state.length_m)
             }
-            (Some(Start::Steady), _, Some(s)) if run.regime == Regime::Diagnostic => {
-                Some((s.state.thickness_m.clone(), s.state.length_m))
-            }
-            _ => None,
+            (_, Some(steady)) => return Ok((solver, steady)),
+            (_, None) => return Err(failed("the run has neither regime nor start".into())),
         };
-        let solution = match (geometry, steady) {
-            (Some((thickness_m, length_m)), _) => match solver.diagnostic(&thickness_m, length_m) {
-                Ok(solution) => solution,
-                Err(e) => return failed(e),
-            },
-            (None, Some(steady)) => steady,
-            (None, None) => {
-                return Ended::verdict(
-                    Status::Failed,
-                    "the run has neither regime nor start".into(),
-                );
-            }
-        };
-        match (&run.steps, run.regime) {
-            (Some(steps), _) => transient(solver, steps, solution).unwrap_or_else(failed),
-            (None, Regime::Steady) => {
-                let detail =
-                    "steady state, picked by the limit of the smoothed rheology".to_owned();
-                Ended::solved(solution, detail, Some(SMOOTHING_LIMIT))
-            }
-            (None, _) => {
-                let detail =
-                    "velocity, fluidity and friction solved at the given geometry".to_owned();
-                Ended::solved(solution, detail, Some(SMOOTHING_LIMIT))
-            }
-        }
+        let solution = solver.diagnostic(&thickness_m, length_m).map_err(gave_up)?;
+        Ok((solver, solution))
     }
+}
+
+/// A solver that gave up, with its last residuals.
+fn failure(e: &SolveError) -> Ended {
+    /// Residual norms that are told.
+    const TOLD: usize = 5;
+    let mut detail = e.to_string();
+    let mut iterations = 0;
+    if let SolveError::NotConverged { iterations: spent, history, .. } = e {
+        iterations = *spent;
+        let last = history.iter().skip(history.len().saturating_sub(TOLD));
+        let told: Vec<String> = last.map(|r| format!("{r:.2e}")).collect();
+        detail += &format!("; last residual norms {}", told.join(", "));
+    }
+    Ended { iterations, ..Ended::verdict(Status::Failed, detail) }
 }
 
 fn verdict(verdict: SteadyVerdict) -> Ended {
@@ -160,7 +169,12 @@ fn verdict(verdict: SteadyVerdict) -> Ended {
     Ended::verdict(status, evidence)
 }
 
-fn transient(solver: &mut Solver, steps: &Steps, start: Solution) -> Result<Ended, SolveError> {
+fn transient(
+    solver: &mut Solver,
+    steps: &Steps,
+    start: Solution,
+    stop: &dyn Fn() -> bool,
+) -> Option<Ended> {
     let model = *solver.model();
     let mut series = Series::default();
     let mut states = Vec::new();
@@ -174,10 +188,22 @@ fn transient(solver: &mut Solver, steps: &Steps, start: Solution) -> Result<Ende
         if wanted.next_if(|step| **step == m.step).is_some() && on_grid {
             states.push(StoredState { time_a: m.time_a, profile: profile(m.state) });
         }
-        ControlFlow::Continue(())
+        if stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let plan = FixedSteps { dt_a: steps.dt_a, count: steps.count };
-    let end: TransientEnd = solver.transient(start.state, plan, &mut record)?;
+    let end: TransientEnd = match solver.transient(start.state, plan, &mut record) {
+        Ok(end) => end,
+        Err(SolveError::Stopped { .. }) => return None,
+        Err(e) => {
+            let reached_a = series.time_a.last().copied().unwrap_or(0.0);
+            let failed = failure(&e);
+            return Some(Ended {
+                detail: format!("{} (last stored time {reached_a} a)", failed.detail),
+                transient: Some((reached_a, series, states)),
+                ..failed
+            });
+        }
+    };
     let (status, what) = match end.ending {
         Ending::Completed => (Status::Completed, "reached its end"),
         Ending::Collapsed => (Status::Collapsed, "collapsed to the size of its icebergs"),
@@ -188,7 +214,7 @@ fn transient(solver: &mut Solver, steps: &Steps, start: Solution) -> Result<Ende
         0 => String::new(),
         n => format!("; {n} steps were divided, having no solution as a whole"),
     };
-    Ok(Ended {
+    Some(Ended {
         status,
         detail: format!("{what} at t = {} a{divided}", end.time_a),
         iterations: start.iterations + end.iterations,
@@ -238,10 +264,11 @@ fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
             residual_norm: Some(ended.residual_norm),
             mass_budget_defect: is_steady.then(|| force::mass_budget_defect(&model, s)),
             yielding_fraction: Some(force::yielding_fraction(&model, s)),
-            end_time_a: ended.transient.as_ref().map(|(time_a, _, _)| *time_a),
+            end_time_a: None,
         }
         .finite();
     }
+    scalars.end_time_a = ended.transient.as_ref().map(|(time_a, _, _)| *time_a);
     let (series, states) = match ended.transient {
         Some((_, series, states)) => (Some(series), Some(states)),
         None => (None, None),

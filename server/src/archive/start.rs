@@ -1,0 +1,54 @@
+//! Whether a stored run can be the start of a sweep's runs.
+
+use super::{ArchiveError, catalogue};
+use crate::domain::document::Start;
+use crate::domain::refusal::Refusal;
+use crate::domain::sweep::SweepSpec;
+use crate::store::Store;
+use std::sync::Arc;
+
+/// Refuses a start that names no stored run, or one whose state does not fit every run of the sweep.
+pub async fn check(
+    store: &Store,
+    sweep: &Arc<SweepSpec>,
+) -> Result<Result<(), Refusal>, ArchiveError> {
+    let Some(Start::Run(id)) = &sweep.document().start else { return Ok(Ok(())) };
+    let refusal = {
+        let id = id.clone();
+        move |permitted: String| Refusal::value("start.run", id.clone(), permitted)
+    };
+    let entry = catalogue::run(&mut *store.read().await?, id).await?;
+    let Some(entry) = entry else {
+        return Ok(Err(refusal("the id of a stored run".into())));
+    };
+    let (Some(length_m), Some(h0)) = (entry.scalars.length_m, entry.scalars.thickness_0_m) else {
+        let status = entry.row.text("status");
+        return Ok(Err(refusal(format!("a run with a state; this one ended {status}"))));
+    };
+    let p = &entry.parameters;
+    let moved = entry.scalars.end_time_a.is_some()
+        && p.width_gradient != 0.0
+        && p.terminus_velocity_m_per_a != p.calving_rate_m_per_a;
+    if moved {
+        let permitted = "a run whose terminus stayed in place, or a fjord of constant width";
+        return Ok(Err(refusal(permitted.into())));
+    }
+    let n_cells = p.n_cells;
+    let sweep = sweep.clone();
+    let misfit = tokio::task::spawn_blocking(move || {
+        (0..sweep.count()).map(|i| sweep.run(i).parameters).find_map(|p| {
+            if p.n_cells != n_cells {
+                Some(format!("a run with n_cells = {}, and it has {n_cells}", p.n_cells))
+            } else if !(h0 > p.d_m && h0 < p.terminus_thickness_m) {
+                let (d, terminus) = (p.d_m, p.terminus_thickness_m);
+                Some(format!("a run with H0 between {d} and {terminus} m, and its H0 is {h0} m"))
+            } else if p.width_m + p.width_gradient * length_m <= 0.0 {
+                Some(format!("a run in an open fjord, which at its end, {length_m} m, is closed"))
+            } else {
+                None
+            }
+        })
+    })
+    .await?;
+    Ok(misfit.map_or(Ok(()), |permitted| Err(refusal(permitted))))
+}
