@@ -5,6 +5,7 @@ use crate::domain::status::{Counts, Status};
 use crate::domain::sweep::SweepSpec;
 use crate::store::{Connection, Store};
 use sqlx::{QueryBuilder, Row, Sqlite};
+use std::sync::Arc;
 use uuid::Uuid;
 
 /// A chunk held by a worker.
@@ -45,6 +46,17 @@ pub struct LeaseLost {
     chunk: i64,
 }
 
+/// A sweep could not be queued.
+#[derive(Debug, thiserror::Error)]
+pub enum EnqueueError {
+    /// The database refused.
+    #[error("the queue cannot be written: {0}")]
+    Database(#[from] sqlx::Error),
+    /// Cutting the sweep into chunks broke off.
+    #[error("cutting the sweep into chunks broke off: {0}")]
+    Broken(#[from] tokio::task::JoinError),
+}
+
 /// Measured work that a chunk should hold, s.
 const CHUNK_SECONDS: f64 = 0.2;
 /// Chunks per worker that a sweep is cut into at least, if it has the runs.
@@ -56,17 +68,22 @@ const MAX_CHUNK_RUNS: usize = 500;
 const FIRST_GUESS_SECONDS: [f64; 2] = [1e-4, 1e-5];
 
 /// Puts a sweep into the queue and returns its id.
-pub async fn enqueue(store: &Store, sweep: &SweepSpec, workers: usize) -> sqlx::Result<String> {
+pub async fn enqueue(
+    store: &Store,
+    sweep: &Arc<SweepSpec>,
+    workers: usize,
+) -> Result<String, EnqueueError> {
     let id = Uuid::now_v7().simple().to_string();
     let total = sweep.count();
     let document = serde_json::to_string(sweep.document()).expect("a document is plain data");
     let created_at = humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string();
+    let seconds_per_unit = seconds_per_unit(&mut *store.read().await?, &sweep.run(0)).await?;
+    let most = total.div_ceil(CHUNKS_PER_WORKER * workers).clamp(1, MAX_CHUNK_RUNS);
+    let cut = sweep.clone();
+    let stretches =
+        tokio::task::spawn_blocking(move || cut.stretches(CHUNK_SECONDS / seconds_per_unit, most))
+            .await?;
     let mut tx = store.write().await?;
-    let run = sweep.run(0);
-    let seconds = run.work() * seconds_per_unit(&mut tx, &run).await?;
-    let runs_per_chunk = ((CHUNK_SECONDS / seconds) as usize)
-        .min(total.div_ceil(CHUNKS_PER_WORKER * workers))
-        .clamp(1, MAX_CHUNK_RUNS);
     sqlx::query(
         "INSERT INTO sweeps (id, name, document, total, created_at) VALUES ($1, $2, $3, $4, $5)",
     )
@@ -77,18 +94,17 @@ pub async fn enqueue(store: &Store, sweep: &SweepSpec, workers: usize) -> sqlx::
     .bind(created_at)
     .execute(&mut *tx)
     .await?;
-    let firsts: Vec<usize> = (0..total).step_by(runs_per_chunk).collect();
     /// Chunks per statement.
     const BATCH: usize = 5_000;
-    for (batch, firsts) in firsts.chunks(BATCH).enumerate() {
+    for (batch, stretches) in stretches.chunks(BATCH).enumerate() {
         let mut insert = QueryBuilder::<Sqlite>::new(
             "INSERT INTO chunks (sweep_id, chunk, first_run, run_count, state) ",
         );
-        insert.push_values(firsts.iter().enumerate(), |mut row, (i, first)| {
+        insert.push_values(stretches.iter().enumerate(), |mut row, (i, stretch)| {
             row.push_bind(&id)
                 .push_bind((batch * BATCH + i) as i64)
-                .push_bind(*first as i64)
-                .push_bind(runs_per_chunk.min(total - first) as i64)
+                .push_bind(stretch.start as i64)
+                .push_bind(stretch.len() as i64)
                 .push_bind("queued");
         });
         insert.build().execute(&mut *tx).await?;

@@ -104,6 +104,12 @@ impl Server {
         answer(agent.post(format!("{}{path}", self.address)).send(body).expect("an answer"))
     }
 
+    /// Asks to delete a path.
+    pub fn delete(&self, path: &str) -> Answer {
+        let agent = agent();
+        answer(agent.delete(format!("{}{path}", self.address)).call().expect("an answer"))
+    }
+
     /// The JSON at a path, which must be there.
     pub fn json(&self, path: &str) -> Value {
         let answer = self.get(path);

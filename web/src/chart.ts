@@ -43,6 +43,7 @@ export interface Scatter {
   name: string;
   points: Point[];
   hollow?: boolean;
+  /** Name of a colour in the page's style. */
   color: string;
 }
 
@@ -50,6 +51,7 @@ export interface Curve {
   kind: "curve";
   name: string;
   points: Point[];
+  /** Name of a colour in the page's style. */
   color: string;
   dashed?: boolean;
 }
@@ -61,6 +63,7 @@ export interface Area {
   x: number[];
   lower: number[];
   upper: number[];
+  /** Name of a colour in the page's style. */
   color: string;
 }
 
@@ -124,6 +127,7 @@ interface RenderApi {
 }
 
 function layer(part: Scatter | Curve | Area): object {
+  const color = css(part.color);
   switch (part.kind) {
     case "points":
       return {
@@ -133,8 +137,8 @@ function layer(part: Scatter | Curve | Area): object {
         symbolSize: part.hollow ? 8 : 9,
         data: part.points.map((p) => ({ value: [p.x, p.y], id: p.id })),
         itemStyle: part.hollow
-          ? { color: "transparent", borderColor: part.color, borderWidth: 1.5 }
-          : { color: part.color },
+          ? { color: "transparent", borderColor: color, borderWidth: 1.5 }
+          : { color },
         emphasis: { scale: 1.6 },
         cursor: "pointer",
         z: 4,
@@ -145,8 +149,8 @@ function layer(part: Scatter | Curve | Area): object {
         name: part.name,
         data: part.points.map((p) => [p.x, p.y]),
         showSymbol: false,
-        lineStyle: { color: part.color, width: 2, type: part.dashed ? "dashed" : "solid" },
-        itemStyle: { color: part.color },
+        lineStyle: { color, width: 2, type: part.dashed ? "dashed" : "solid" },
+        itemStyle: { color },
         z: 5,
       };
     case "area": {
@@ -158,7 +162,7 @@ function layer(part: Scatter | Curve | Area): object {
       return {
         type: "custom",
         name: part.name,
-        itemStyle: { color: part.color },
+        itemStyle: { color },
         data: [edge[0]],
         encode: { x: 0, y: 1 },
         clip: true,
@@ -166,7 +170,7 @@ function layer(part: Scatter | Curve | Area): object {
         renderItem: (_: unknown, api: RenderApi) => ({
           type: "polygon",
           shape: { points: edge.map((p) => api.coord(p)) },
-          style: { fill: part.color, opacity: 0.2 },
+          style: { fill: css(part.color), opacity: 0.2 },
         }),
         z: 1,
       };
@@ -229,10 +233,11 @@ export function chart(
   };
 }
 
-/** Colours of the page's figures: safe for colour-blind eyes, for light and dark. */
-export const palette = () => ({
-  force: css("--force"),
-  quasiStatic: css("--quasi-static"),
-  fit: css("--fit"),
-  ice: css("--ice"),
-});
+/** Colours of the page's figures, by their names in its style: safe for colour-blind eyes, light and
+ * dark, looked up whenever a figure is drawn. */
+export const palette = {
+  force: "--force",
+  quasiStatic: "--quasi-static",
+  fit: "--fit",
+  ice: "--ice",
+} as const;

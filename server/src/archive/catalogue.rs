@@ -136,6 +136,11 @@ pub async fn run(connection: &mut Connection, run_id: &str) -> Result<Option<Ent
 pub struct RunRow(pub serde_json::Map<String, Value>);
 
 impl RunRow {
+    /// Index of the run in its sweep.
+    pub fn run_index(&self) -> i64 {
+        self.0.get("run_index").and_then(Value::as_i64).unwrap_or_default()
+    }
+
     /// A member as text.
     pub fn text(&self, name: &str) -> &str {
         self.0.get(name).and_then(Value::as_str).unwrap_or_default()
@@ -172,24 +177,48 @@ pub fn is_number(name: &str) -> bool {
         || SCALARS.iter().any(|s| s.name == name)
 }
 
-/// A page of a sweep's runs by a column that [`is_column`] knows, and how many there are.
+/// The order of a page of runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Order<'a> {
+    /// A column that [`is_column`] knows.
+    pub column: &'a str,
+    /// From high to low.
+    pub descending: bool,
+}
+
+impl Order<'_> {
+    /// Whether pages can go on from a run's index: runs that are stored meanwhile then neither shift
+    /// nor double any. Other orders count from the start, which holds for a sweep that is complete.
+    pub fn is_by_index(&self) -> bool {
+        self.column == "run_index" && !self.descending
+    }
+}
+
+/// A page of a sweep's runs and how many there are. `from` is the number of runs before the page, or,
+/// by index, the index the page starts at.
 pub async fn runs(
     connection: &mut Connection,
     sweep_id: &str,
-    sort: &str,
-    descending: bool,
+    order: Order<'_>,
     limit: i64,
-    offset: i64,
+    from: i64,
 ) -> sqlx::Result<(Vec<RunRow>, i64)> {
-    assert!(is_column(sort), "the caller checks the column");
+    let Order { column, descending } = order;
+    assert!(is_column(column), "the caller checks the column");
     let direction = if descending { "DESC" } else { "ASC" };
-    let sql = format!(
-        "SELECT * FROM runs WHERE sweep_id = $1 ORDER BY \"{sort}\" {direction}, run_index LIMIT $2 OFFSET $3"
-    );
+    let sql = if order.is_by_index() {
+        "SELECT * FROM runs WHERE sweep_id = $1 AND run_index >= $3 ORDER BY run_index LIMIT $2"
+            .into()
+    } else {
+        format!(
+            "SELECT * FROM runs WHERE sweep_id = $1 ORDER BY \"{column}\" {direction}, run_index \
+             LIMIT $2 OFFSET $3"
+        )
+    };
     let rows = sqlx::query(AssertSqlSafe(sql))
         .bind(sweep_id)
         .bind(limit)
-        .bind(offset)
+        .bind(from)
         .fetch_all(&mut *connection)
         .await?;
     let total =

@@ -58,7 +58,7 @@ pub async fn main(arguments: &Arguments, demo: bool) -> anyhow::Result<ExitCode>
     let workers = Workers::new(store.clone(), threads(arguments.workers), wake.clone()).await?;
     let service = Service { store: store.clone(), wake, workers: workers.threads() };
     if demo && queue::sweeps(&mut *store.read().await?, 1, 0).await?.1 == 0 {
-        let sweep = Document::parse(MELT_SWEEP)?.into_sweep()?;
+        let sweep = Arc::new(Document::parse(MELT_SWEEP)?.into_sweep()?);
         queue::enqueue(&store, &sweep, service.workers).await?;
     }
     let stop = CancellationToken::new();

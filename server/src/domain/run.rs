@@ -1,6 +1,7 @@
 //! One run, checked and complete: everything its result depends on.
 
 use super::document::{Document, Regime, Start, Time};
+use super::outcome::SERIES;
 use super::refusal::Refusal;
 use melange_solver::Model;
 use melange_solver::params::{self, Parameters};
@@ -36,6 +37,8 @@ pub struct Steps {
 
 /// Most steps of a run.
 const MAX_STEPS: f64 = 1e7;
+/// Most numbers that a run stores: 80 MB.
+pub const MAX_STORED_NUMBERS: usize = 10_000_000;
 
 /// `calving_flux_m2_per_a` = U_c H_t sets U_c = U_t = flux/H_t instead of the velocities.
 pub const FLUX: &str = "calving_flux_m2_per_a";
@@ -88,6 +91,16 @@ impl Document {
             start: self.start_for(regime, &parameters)?,
             steps: self.steps_for(regime)?,
         };
+        if run.stored_numbers() > MAX_STORED_NUMBERS {
+            return Err(Refusal::value(
+                "time",
+                run.stored_numbers(),
+                format!(
+                    "at most {MAX_STORED_NUMBERS} stored numbers per run: a larger output_every_a, or \
+                     fewer profiles_at_a"
+                ),
+            ));
+        }
         if run.needs_steady_state() {
             model.check_steady().map_err(|e| Refusal::parameter("parameters", &e))?;
             if closure == UpstreamClosure::Printed {
@@ -247,6 +260,14 @@ impl RunSpec {
     /// Whether a steady state is solved for, as the result or as the start.
     pub fn needs_steady_state(&self) -> bool {
         self.regime == Regime::Steady || self.start == Some(Start::Steady)
+    }
+
+    /// Numbers stored with the run's profiles and series.
+    pub fn stored_numbers(&self) -> usize {
+        let profile = 6 * self.parameters.n_cells;
+        let rows = self.steps.as_ref().map_or(0, |s| s.count / s.series_every + 1);
+        let profiles = 1 + self.steps.as_ref().map_or(0, |s| s.profiles_at.len());
+        rows * SERIES.len() + profiles * profile
     }
 
     /// Size of the run in units of measured work: cells, times steps for a transient.

@@ -2,9 +2,10 @@
 
 use super::document::{Axis, Document};
 use super::refusal::Refusal;
-use super::run::{FLUX, RunSpec, closure_of_name};
+use super::run::{FLUX, MAX_STORED_NUMBERS, RunSpec, closure_of_name};
 use melange_solver::params::{self, ParameterError};
 use melange_solver::physics::closure::UpstreamClosure;
+use std::ops::Range;
 
 /// A sweep whose every run has been checked to be a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,32 +46,33 @@ impl Document {
                 format!("at most {MAX_NAME} characters"),
             ));
         }
-        let mut axes: Vec<Points> = Vec::new();
+        // Counted before anything is laid out: a short document can ask for very many points.
         let mut count = 1_usize;
         for (i, axis) in self.axes.iter().enumerate() {
-            let points = axis.points(&format!("axes[{i}]"), MAX_RUNS)?;
-            count = count.saturating_mul(points.len());
-            axes.push(points);
+            let of = |a: &Axis| (a.parameter.clone(), a.option.clone());
+            if self.axes[..i].iter().any(|earlier| of(earlier) == of(axis)) {
+                let name = axis.parameter.as_deref().or(axis.option.as_deref()).unwrap_or_default();
+                return Err(Refusal::value(
+                    format!("axes[{i}]"),
+                    name,
+                    "each name on one axis only",
+                ));
+            }
+            count = count.saturating_mul(axis.points_asked_for());
+            if count > MAX_RUNS {
+                let permitted = format!("a grid of at most {MAX_RUNS} runs");
+                return Err(Refusal::value("axes", count, permitted));
+            }
         }
-        if count > MAX_RUNS {
-            return Err(Refusal::value(
-                "axes",
-                count,
-                format!("a grid of at most {MAX_RUNS} runs"),
-            ));
-        }
+        let laid_out =
+            self.axes.iter().enumerate().map(|(i, a)| a.points(&format!("axes[{i}]"), MAX_RUNS));
+        let axes: Vec<Points> = laid_out.collect::<Result<_, _>>()?;
         if self.options.upstream_closure.is_some()
             && axes.iter().any(|a| matches!(a, Points::Closure(_)))
         {
             return Err(Refusal {
                 field: Some("options.upstream_closure".into()),
                 ..Refusal::sentence("`upstream_closure` is given as an option and as an axis")
-            });
-        }
-        if axes.iter().filter(|a| matches!(a, Points::Closure(_))).count() > 1 {
-            return Err(Refusal {
-                field: Some("axes".into()),
-                ..Refusal::sentence("`upstream_closure` is given on two axes")
             });
         }
         let sweep = SweepSpec { document: self, axes };
@@ -102,6 +104,28 @@ impl SweepSpec {
         self.checked_run(index).expect("every run was checked when the sweep was made")
     }
 
+    /// Cuts the sweep into stretches of neighbouring runs, each of about `work` units (see
+    /// [`RunSpec::work`]), at most `most` runs and so many stored numbers as one run may have.
+    pub fn stretches(&self, work: f64, most: usize) -> Vec<Range<usize>> {
+        let mut stretches = Vec::new();
+        let (mut first, mut work_held, mut numbers_held) = (0, 0.0, 0);
+        for index in 0..self.count() {
+            let run = self.run(index);
+            let numbers = run.stored_numbers();
+            let is_full = index - first >= most
+                || work_held + run.work() > work
+                || numbers_held + numbers > MAX_STORED_NUMBERS;
+            if index > first && is_full {
+                stretches.push(first..index);
+                (first, work_held, numbers_held) = (index, 0.0, 0);
+            }
+            work_held += run.work();
+            numbers_held += numbers;
+        }
+        stretches.push(first..self.count());
+        stretches
+    }
+
     fn checked_run(&self, index: usize) -> Result<RunSpec, Refusal> {
         let mut rest = index;
         let mut point = Vec::with_capacity(self.axes.len());
@@ -120,6 +144,12 @@ impl SweepSpec {
 }
 
 impl Axis {
+    /// Points the axis would have, for a first count.
+    fn points_asked_for(&self) -> usize {
+        let spaced = self.linspace.or(self.logspace).map(|(_, _, n)| n as usize);
+        spaced.or(self.values.as_ref().map(Vec::len)).unwrap_or(1).max(1)
+    }
+
     fn points(&self, field: &str, most: usize) -> Result<Points, Refusal> {
         if self.zip.is_some() {
             return Err(Refusal::not_yet(&format!("{field}.zip")));

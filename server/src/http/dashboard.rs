@@ -14,7 +14,7 @@ pub async fn file(method: Method, uri: Uri) -> Response {
     let path = uri.path().trim_start_matches('/');
     let path = if path.is_empty() { "index.html" } else { path };
     if method != Method::GET && method != Method::HEAD {
-        return Problem::not_found("resource", uri.path()).into_response();
+        return Problem::method_not_allowed().into_response();
     }
     match Assets::get(path) {
         Some(asset) => {

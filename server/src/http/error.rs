@@ -3,7 +3,8 @@
 
 use crate::archive::ArchiveError;
 use crate::domain::refusal::Refusal;
-use axum::extract::rejection::{BytesRejection, QueryRejection};
+use crate::queue::EnqueueError;
+use axum::extract::rejection::BytesRejection;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -27,6 +28,12 @@ impl Problem {
     fn new(status: StatusCode, refusal: Refusal) -> Self {
         let title = status.canonical_reason().unwrap_or("error");
         Self { kind: "about:blank", title, status: status.as_u16(), refusal: Box::new(refusal) }
+    }
+
+    /// The resource does not know this method.
+    pub fn method_not_allowed() -> Self {
+        let sentence = "this method is not known here; /api/v1/docs lists those that are";
+        Self::new(StatusCode::METHOD_NOT_ALLOWED, Refusal::sentence(sentence))
     }
 
     /// Something with this id does not exist.
@@ -95,15 +102,15 @@ impl From<ArchiveError> for Problem {
     }
 }
 
-impl From<tokio::task::JoinError> for Problem {
-    fn from(error: tokio::task::JoinError) -> Self {
+impl From<EnqueueError> for Problem {
+    fn from(error: EnqueueError) -> Self {
         Self::inner(&error)
     }
 }
 
-impl From<QueryRejection> for Problem {
-    fn from(rejection: QueryRejection) -> Self {
-        Self::new(StatusCode::BAD_REQUEST, Refusal::sentence(rejection.body_text()))
+impl From<tokio::task::JoinError> for Problem {
+    fn from(error: tokio::task::JoinError) -> Self {
+        Self::inner(&error)
     }
 }
 

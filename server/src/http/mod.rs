@@ -3,6 +3,7 @@
 
 pub mod dashboard;
 pub mod error;
+pub mod extract;
 pub mod runs;
 pub mod sweeps;
 
@@ -12,6 +13,7 @@ use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::routing::get;
 use error::Problem;
+use extract::NothingAsked;
 use std::sync::Arc;
 use tokio::sync::Notify;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -50,6 +52,7 @@ pub fn router(service: Service) -> Router {
     router
         .route("/api/v1/openapi.json", get(openapi))
         .fallback(dashboard::file)
+        .method_not_allowed_fallback(async || Problem::method_not_allowed())
         .with_state(service)
         .merge(SwaggerUi::new("/api/v1/docs").url("/api/v1/docs/openapi.json", api))
         .layer(DefaultBodyLimit::max(BODY_BYTES))
@@ -78,7 +81,7 @@ fn documented() -> OpenApiRouter<Service> {
     )
 }
 
-async fn openapi() -> axum::Json<utoipa::openapi::OpenApi> {
+async fn openapi(_: NothingAsked) -> axum::Json<utoipa::openapi::OpenApi> {
     axum::Json(documented().into_openapi())
 }
 
@@ -86,6 +89,7 @@ async fn openapi() -> axum::Json<utoipa::openapi::OpenApi> {
 #[utoipa::path(get, path = "/health", responses((status = 200, description = "Up", body = Object)))]
 async fn health(
     axum::extract::State(service): axum::extract::State<Service>,
+    _: NothingAsked,
 ) -> Result<axum::Json<serde_json::Value>, Problem> {
     let mut tx = service.store.read().await?;
     let (_, sweeps) = crate::queue::sweeps(&mut tx, 1, 0).await?;
@@ -98,6 +102,6 @@ async fn health(
 
 /// Names, units, meanings and ranges of parameters and results.
 #[utoipa::path(get, path = "/dictionary", responses((status = 200, body = Dictionary)))]
-async fn dictionary() -> axum::Json<Dictionary> {
+async fn dictionary(_: NothingAsked) -> axum::Json<Dictionary> {
     axum::Json(Dictionary::new())
 }

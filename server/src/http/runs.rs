@@ -2,9 +2,10 @@
 
 use super::Service;
 use super::error::Problem;
+use super::extract::{Asked, NothingAsked, Place};
 use super::sweeps::{Page, Paging};
 use crate::archive::bulk::{Format, gather};
-use crate::archive::catalogue::{self, RunRow};
+use crate::archive::catalogue::{self, Order, RunRow};
 use crate::archive::read;
 use crate::archive::schema::Kind;
 use crate::domain::outcome::Outcome;
@@ -12,8 +13,7 @@ use crate::domain::refusal::Refusal;
 use crate::queue;
 use axum::Json;
 use axum::body::Body;
-use axum::extract::rejection::QueryRejection;
-use axum::extract::{Path, Query, State};
+use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
@@ -45,10 +45,9 @@ pub struct Listing {
 )]
 pub async fn of_sweep(
     State(service): State<Service>,
-    Path(id): Path<String>,
-    query: Result<Query<Listing>, QueryRejection>,
+    Place(id): Place<String>,
+    Asked(listing): Asked<Listing>,
 ) -> Result<Json<Page<RunRow>>, Problem> {
-    let Query(listing) = query?;
     if listing.filter.is_some() {
         return Err(Problem::not_yet("filter"));
     }
@@ -62,13 +61,20 @@ pub async fn of_sweep(
             Refusal::value("sort", sort, "a column of the runs, with `-` for high to low").into()
         );
     }
-    let (limit, offset) = Paging::window(listing.limit, listing.cursor.as_deref())?;
+    let (limit, from) = Paging::window(listing.limit, listing.cursor.as_deref())?;
     let mut tx = service.store.read().await?;
     if queue::sweep(&mut tx, &id).await?.is_none() {
         return Err(Problem::not_found("sweep", &id));
     }
-    let (rows, total) = catalogue::runs(&mut tx, &id, column, descending, limit, offset).await?;
-    Ok(Json(Page::new(rows, offset, total)))
+    let order = Order { column, descending };
+    let (rows, total) = catalogue::runs(&mut tx, &id, order, limit, from).await?;
+    let is_full = rows.len() as i64 == limit;
+    let next = match rows.last() {
+        Some(last) if order.is_by_index() && is_full => Some(last.run_index() + 1),
+        Some(_) if !order.is_by_index() && from + limit < total => Some(from + limit),
+        _ => None,
+    };
+    Ok(Json(Page::new(rows, next, total)))
 }
 
 /// One run with its profile and, of a transient, its series and states.
@@ -78,7 +84,8 @@ pub async fn of_sweep(
 )]
 pub async fn one(
     State(service): State<Service>,
-    Path(id): Path<String>,
+    Place(id): Place<String>,
+    _: NothingAsked,
 ) -> Result<Json<Outcome>, Problem> {
     let outcome = read::stored(&service.store, &id).await?;
     let outcome = outcome.ok_or_else(|| Problem::not_found("run", &id))?;
@@ -92,7 +99,8 @@ pub async fn one(
 )]
 pub async fn runs_parquet(
     State(service): State<Service>,
-    Path(id): Path<String>,
+    Place(id): Place<String>,
+    _: NothingAsked,
 ) -> Result<Response, Problem> {
     bulk(&service, &id, Kind::Runs, Format::Parquet).await
 }
@@ -104,7 +112,8 @@ pub async fn runs_parquet(
 )]
 pub async fn runs_csv(
     State(service): State<Service>,
-    Path(id): Path<String>,
+    Place(id): Place<String>,
+    _: NothingAsked,
 ) -> Result<Response, Problem> {
     bulk(&service, &id, Kind::Runs, Format::Csv).await
 }
@@ -116,7 +125,8 @@ pub async fn runs_csv(
 )]
 pub async fn profiles_parquet(
     State(service): State<Service>,
-    Path(id): Path<String>,
+    Place(id): Place<String>,
+    _: NothingAsked,
 ) -> Result<Response, Problem> {
     bulk(&service, &id, Kind::Profiles, Format::Parquet).await
 }
@@ -128,7 +138,8 @@ pub async fn profiles_parquet(
 )]
 pub async fn series_parquet(
     State(service): State<Service>,
-    Path(id): Path<String>,
+    Place(id): Place<String>,
+    _: NothingAsked,
 ) -> Result<Response, Problem> {
     bulk(&service, &id, Kind::Series, Format::Parquet).await
 }

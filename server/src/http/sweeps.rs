@@ -2,6 +2,7 @@
 
 use super::Service;
 use super::error::Problem;
+use super::extract::{Asked, NothingAsked, Place};
 use crate::analysis::{self, Fit, Law, NoFit};
 use crate::archive::{catalogue, start};
 use crate::domain::document::Document;
@@ -10,8 +11,8 @@ use crate::domain::status::{Counts, SweepState};
 use crate::queue::{self, SweepRow};
 use axum::Json;
 use axum::body::Bytes;
-use axum::extract::rejection::{BytesRejection, QueryRejection};
-use axum::extract::{Path, Query, State};
+use axum::extract::State;
+use axum::extract::rejection::BytesRejection;
 use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -84,10 +85,9 @@ impl Paging {
 }
 
 impl<T> Page<T> {
-    /// The items from an offset on, out of a total.
-    pub fn new(items: Vec<T>, offset: i64, total: i64) -> Self {
-        let end = offset + items.len() as i64;
-        Self { next: (end < total && !items.is_empty()).then(|| end.to_string()), items, total }
+    /// The items, where the next page starts, and how many there are in all.
+    pub fn new(items: Vec<T>, next: Option<i64>, total: i64) -> Self {
+        Self { items, next: next.map(|n| n.to_string()), total }
     }
 }
 
@@ -121,10 +121,10 @@ pub struct Submission {
 )]
 pub async fn submit(
     State(service): State<Service>,
-    query: Result<Query<Submission>, QueryRejection>,
+    Asked(query): Asked<Submission>,
     body: Result<Bytes, BytesRejection>,
 ) -> Result<(StatusCode, Json<Submitted>), Problem> {
-    if query?.dry_run == Some(true) {
+    if query.dry_run == Some(true) {
         return Err(Problem::not_yet("dry_run"));
     }
     let body = body?;
@@ -148,12 +148,12 @@ pub async fn submit(
 )]
 pub async fn list(
     State(service): State<Service>,
-    query: Result<Query<Paging>, QueryRejection>,
+    Asked(paging): Asked<Paging>,
 ) -> Result<Json<Page<Sweep>>, Problem> {
-    let Query(paging) = query?;
     let (limit, offset) = Paging::window(paging.limit, paging.cursor.as_deref())?;
     let (rows, total) = queue::sweeps(&mut *service.store.read().await?, limit, offset).await?;
-    Ok(Json(Page::new(rows.into_iter().map(Sweep::from).collect(), offset, total)))
+    let next = Some(offset + limit).filter(|next| *next < total);
+    Ok(Json(Page::new(rows.into_iter().map(Sweep::from).collect(), next, total)))
 }
 
 /// One sweep.
@@ -163,7 +163,8 @@ pub async fn list(
 )]
 pub async fn one(
     State(service): State<Service>,
-    Path(id): Path<String>,
+    Place(id): Place<String>,
+    _: NothingAsked,
 ) -> Result<Json<Sweep>, Problem> {
     let row = queue::sweep(&mut *service.store.read().await?, &id).await?;
     row.map(|row| Json(row.into())).ok_or_else(|| Problem::not_found("sweep", &id))
@@ -174,8 +175,8 @@ pub async fn one(
     post, path = "/sweeps/{id}/{verb}", params(("id" = String, Path,), ("verb" = String, Path,)),
     responses((status = 404, body = Problem), (status = 501, body = Problem))
 )]
-pub async fn verb(Path(path): Path<(String, String)>) -> Problem {
-    let (_, verb) = path;
+pub async fn verb(place: Place<(String, String)>) -> Problem {
+    let Place((_, verb)) = place;
     match verb.as_str() {
         "pause" | "resume" | "stop" | "cancel" | "retry" => Problem::not_yet(&verb),
         _ => Problem::not_found("verb", &verb),
@@ -215,10 +216,9 @@ pub struct FitQuery {
 )]
 pub async fn fit(
     State(service): State<Service>,
-    Path(id): Path<String>,
-    query: Result<Query<FitQuery>, QueryRejection>,
+    Place(id): Place<String>,
+    Asked(query): Asked<FitQuery>,
 ) -> Result<Json<Fit>, Problem> {
-    let Query(query) = query?;
     for (field, name) in [("x", &query.x), ("y", &query.y)] {
         if !catalogue::is_number(name) {
             return Err(Refusal::value(

@@ -68,3 +68,41 @@ fn roots_that_end_on_a_kink_are_passed() {
         assert_close("H0", warm.state.thickness_0_m(), cold.state.thickness_0_m(), 1e-9);
     }
 }
+
+/// Verdicts and roots do not depend on the neighbour a solve starts from, over a grid that reaches
+/// thick, collapsing and retreating mélanges.
+#[test]
+fn a_neighbour_changes_neither_verdict_nor_root() {
+    let mut seen = [0; 3];
+    for (d, calving) in [(25.0, 6000.0), (100.0, 6000.0), (25.0, 7000.0)] {
+        let mut near = None;
+        for width in [2500.0, 4000.0, 7000.0] {
+            for melt in [0.4, 0.8, 1.2, 1.6] {
+                let m = model(|p| {
+                    (p.d_m, p.calving_rate_m_per_a, p.n_cells) = (d, calving, 20);
+                    (p.width_m, p.melt_rate_m_per_day) = (width, melt);
+                });
+                let cold = Solver::new(m).steady(None).expect("a verdict");
+                let warm = Solver::new(m).steady(near.as_ref()).expect("a verdict");
+                match (cold, warm) {
+                    (
+                        SteadyVerdict::Converged { solution: cold, .. },
+                        SteadyVerdict::Converged { solution: warm, first_level },
+                    ) => {
+                        let (cold, warm) = (cold.state, warm.state);
+                        assert_close("L", warm.length_m, cold.length_m, 1e-8);
+                        assert_close("H0", warm.thickness_0_m(), cold.thickness_0_m(), 1e-8);
+                        near = Some(first_level);
+                        seen[0] += 1;
+                    }
+                    (SteadyVerdict::NoSteadyState(_), SteadyVerdict::NoSteadyState(_)) => {
+                        seen[1] += 1
+                    }
+                    (SteadyVerdict::Overthick(_), SteadyVerdict::Overthick(_)) => seen[2] += 1,
+                    (cold, warm) => panic!("{:?}: {cold:?} but {warm:?}", m.parameters()),
+                }
+            }
+        }
+    }
+    assert!(seen.iter().all(|count| *count > 1), "the grid is to reach every verdict: {seen:?}");
+}

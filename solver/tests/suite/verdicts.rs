@@ -28,6 +28,43 @@ fn little_melt_in_a_narrow_fjord_is_overthick() {
     assert!(matches!(verdict(m), SteadyVerdict::Overthick(_)));
 }
 
+/// Short and thick is not collapsed: icebergs a third as thick as the glacier in a narrow fjord.
+#[test]
+fn a_short_thick_melange_is_not_taken_for_a_collapsed_one() {
+    let m = model(|p| {
+        (p.d_m, p.melt_rate_m_per_day, p.width_m, p.n_cells) = (200.0, 1.85, 1750.0, 20);
+    });
+    assert!(matches!(verdict(m), SteadyVerdict::Converged { .. }));
+    for m in [model(|p| p.b = 1e8), model(|p| p.d_m = 599.0), model(|p| p.width_m = 10.0)] {
+        assert!(matches!(verdict(m), SteadyVerdict::Overthick(_)), "{:?}", m.parameters());
+    }
+}
+
+/// Where the glacier retreats, the velocity relative to the walls vanishes as H₀ reaches H_t.
+#[test]
+fn a_retreating_terminus_ends_overthick() {
+    for (calving, terminus) in [(12_000.0, 0.0), (25_000.0, 6_000.0), (40_000.0, 20_000.0)] {
+        let m = model(|p| {
+            (p.calving_rate_m_per_a, p.terminus_velocity_m_per_a) = (calving, terminus);
+        });
+        assert!(matches!(verdict(m), SteadyVerdict::Overthick(_)), "{calving} {terminus}");
+    }
+}
+
+#[test]
+fn a_terminus_that_retreats_to_where_the_walls_meet_is_not_called_collapsed() {
+    let m = model(|p| {
+        (p.terminus_velocity_m_per_a, p.width_gradient, p.n_cells) = (0.0, 0.1, 20);
+    });
+    let mut solver = Solver::new(m);
+    let start = solver.diagnostic(&wedge(&m, 75.0), 1e4).expect("a start");
+    let mut go_on = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
+    let plan = FixedSteps { dt_a: 0.05, count: 200 };
+    let end = solver.transient(start.state, plan, &mut go_on).expect("a verdict");
+    assert_eq!(end.ending, Ending::FjordClosed);
+    assert!((end.time_a - 4000.0 / 0.1 / 6000.0).abs() < 0.05, "{}", end.time_a);
+}
+
 #[test]
 fn the_printed_closure_is_refused_for_a_steady_state() {
     let m = Model::new(Parameters::default(), UpstreamClosure::Printed).expect("parameters");

@@ -67,6 +67,10 @@ fn rooms_import_only_what_the_table_allows() {
             .iter()
             .find(|(r, _)| r == room)
             .unwrap_or_else(|| panic!("the room {room} is not in ARCHITECTURE.md's table"));
+        assert!(
+            !text.contains("crate::{"),
+            "{name}: import each room by itself, so that doors can be seen"
+        );
         for (used, place) in text.match_indices("crate::").map(|(at, _)| {
             let rest = &text[at + "crate::".len()..];
             let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());

@@ -222,6 +222,10 @@ fn problems_are_problem_documents() {
         (format!("/api/v1/sweeps/{id}/runs?limit=x"), 400),
         (format!("/api/v1/sweeps/{id}/runs?unknown=1"), 400),
         ("/api/v1/sweeps?cursor=-3".to_owned(), 422),
+        ("/api/v1/sweeps/%FF".to_owned(), 400),
+        (format!("/api/v1/sweeps/{id}/runs.parquet?filter=b%3E1"), 400),
+        (format!("/api/v1/sweeps/{id}?verbose=1"), 400),
+        (format!("/api/v1/sweeps/{id}/pause"), 405),
         (fit.clone(), 400),
         (format!("{fit}?x=status&y=force_n_per_m"), 422),
         (format!("{fit}?x=melt_rate_m_per_day&y=force_n_per_m&model=cubic"), 400),
@@ -268,7 +272,7 @@ fn problems_are_problem_documents() {
             "/api/v1/sweeps",
             axis(json!({"parameter": melt, "linspace": [0.5, 1, 2_000_000]})),
             422,
-            json!("axes[0].linspace"),
+            json!("axes"),
         ),
         ("/api/v1/sweeps", axis(json!({"parameter": melt})), 422, json!("axes[0]")),
         ("/api/v1/sweeps", axis(json!({"zip": []})), 422, json!("axes[0].zip")),
@@ -285,6 +289,27 @@ fn problems_are_problem_documents() {
         assert_eq!(answer.status, status, "{problem}");
         assert_eq!(problem["field"], field, "{problem}");
     }
+    for path in ["/api/v1/sweeps", "/health", "/"] {
+        let answer = server.delete(path);
+        assert_eq!(answer.status, 405, "{path}");
+        assert_eq!(answer.content_type, "application/problem+json", "{path}");
+    }
+    // A short document that asks for very many points is refused before they are laid out.
+    let names = ["b", "A", "mu_s", "d_m", "width_m", "melt_rate_m_per_day"];
+    let axes: Vec<Value> =
+        names.map(|name| json!({"parameter": name, "linspace": [10, 20, 1_000_000]})).to_vec();
+    let answer =
+        server.post("/api/v1/sweeps", &json!({"regime": "steady", "axes": axes}).to_string());
+    assert_eq!((answer.status, &answer.json()["field"]), (422, &json!("axes")));
+    let doubled = json!({"parameter": "b", "values": [1e4]});
+    let body = json!({"regime": "steady", "axes": [doubled, doubled]}).to_string();
+    let answer = server.post("/api/v1/sweeps", &body);
+    assert_eq!((answer.status, &answer.json()["field"]), (422, &json!("axes[1]")));
+    let body = json!({
+        "regime": "transient", "time": {"duration_a": 100_000, "fixed_dt_a": 0.01},
+    });
+    let answer = server.post("/api/v1/sweeps", &body.to_string());
+    assert_eq!((answer.status, &answer.json()["field"]), (422, &json!("time")));
     let twice = json!({
         "regime": "steady", "parameters": {melt: 0.6},
         "axes": [{"parameter": melt, "values": [0.7]}],
@@ -296,6 +321,56 @@ fn problems_are_problem_documents() {
         assert_eq!(server.post(&format!("/api/v1/sweeps/{id}/{verb}"), "").status, 501);
     }
     assert_eq!(server.json("/api/v1/sweeps")["total"], 1, "nothing refused was queued");
+}
+
+/// A long run neither holds up the end of the process nor is it lost.
+#[test]
+fn a_long_run_is_given_back_when_the_service_ends() {
+    let folder = folder();
+    let server = Server::start("serve", folder.path(), &[]);
+    let id = server.submit(&json!({
+        "regime": "transient", "start": {"length_m": 10_000, "thickness_0_m": 75},
+        "time": {"duration_a": 900, "fixed_dt_a": 0.001, "output_every_a": 1},
+    }));
+    let under_way =
+        |server: &Server| server.json(&format!("/api/v1/sweeps/{id}"))["state"] == "running";
+    while !under_way(&server) {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let begin = std::time::Instant::now();
+    assert!(server.terminate());
+    assert!(begin.elapsed() < std::time::Duration::from_secs(5), "it took {:?}", begin.elapsed());
+    let server = Server::start("serve", folder.path(), &[]);
+    let counts = server.json(&format!("/api/v1/sweeps/{id}"))["counts"].clone();
+    assert_eq!(counts["queued"].as_i64().unwrap_or(0) + counts["running"].as_i64().unwrap_or(0), 1);
+}
+
+/// A start that cannot be read is its runs' failure, with the reason, and holds nobody up.
+#[test]
+fn a_start_whose_file_is_gone_fails_its_runs_only() {
+    let folder = folder();
+    let server = Server::start("serve", folder.path(), &[]);
+    let first = server.submit(&json!({"regime": "steady", "parameters": {"n_cells": 20}}));
+    server.wait(&first);
+    let runs = items(&server.json(&format!("/api/v1/sweeps/{first}/runs")));
+    let run_id = runs[0]["run_id"].clone();
+    for file in std::fs::read_dir(folder.path().join("archive").join(&first)).expect("a folder") {
+        let path = file.expect("a file").path();
+        if path.to_string_lossy().ends_with("-profiles.parquet") {
+            std::fs::remove_file(path).expect("it can be removed");
+        }
+    }
+    let second = server.submit(&json!({
+        "regime": "transient", "parameters": {"n_cells": 20}, "start": {"run": run_id},
+        "time": {"duration_a": 0.1, "fixed_dt_a": 0.01},
+    }));
+    assert_eq!(server.wait(&second)["counts"]["failed"], 1);
+    let runs = items(&server.json(&format!("/api/v1/sweeps/{second}/runs")));
+    let detail = runs[0]["detail"].as_str().expect("a reason");
+    assert!(
+        detail.contains("could not be read") && detail.contains("profiles.parquet"),
+        "{detail}"
+    );
 }
 
 /// The interface's description is in the repository; a change of the interface changes it there.
