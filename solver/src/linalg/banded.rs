@@ -35,6 +35,7 @@ impl<const KL: usize, const KU: usize> Banded<KL, KU> {
     }
 
     /// Entry (i, j), zero outside the band and its fill-in.
+    #[inline(always)]
     pub fn get(&self, i: usize, j: usize) -> f64 {
         if j + KL < i || j > i + KL + KU {
             return 0.0;
@@ -43,13 +44,13 @@ impl<const KL: usize, const KU: usize> Banded<KL, KU> {
     }
 
     /// The part of row i that starts at column j, as stored.
-    #[inline]
+    #[inline(always)]
     pub(super) fn row_from(&self, i: usize, j: usize) -> &[f64] {
         &self.data[i * Self::WIDTH + j + KL - i..(i + 1) * Self::WIDTH]
     }
 
     /// Row `upper` from column j on and row `lower` from column j on, for `upper < lower`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn two_rows_from(
         &mut self,
         upper: usize,

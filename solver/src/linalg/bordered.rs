@@ -72,6 +72,16 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
 
     /// Replaces the matrix by its factors.
     pub fn factorise(&mut self) -> Result<(), Singular> {
+        pulp::Arch::new().dispatch(Factorise(self))
+    }
+
+    /// Solves for one right-hand side, in place, with the factors.
+    pub fn solve(&self, rhs: &mut [f64]) {
+        pulp::Arch::new().dispatch(Solve(self, rhs));
+    }
+
+    #[inline(always)]
+    fn eliminate(&mut self) -> Result<(), Singular> {
         let n = self.rows();
         for k in 0..n - 1 {
             let last = (k + KL).min(n - 1);
@@ -109,8 +119,8 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
         if corner != 0.0 && corner.is_finite() { Ok(()) } else { Err(Singular { column: n - 1 }) }
     }
 
-    /// Solves for one right-hand side, in place, with the factors.
-    pub fn solve(&self, rhs: &mut [f64]) {
+    #[inline(always)]
+    fn substitute(&self, rhs: &mut [f64]) {
         let n = self.rows();
         for k in 0..n - 1 {
             rhs.swap(k, self.pivots[k]);
@@ -131,8 +141,32 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
     }
 }
 
+/// [`Bordered::factorise`], compiled for each instruction set.
+struct Factorise<'a, const KL: usize, const KU: usize>(&'a mut Bordered<KL, KU>);
+
+impl<const KL: usize, const KU: usize> pulp::WithSimd for Factorise<'_, KL, KU> {
+    type Output = Result<(), Singular>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
+        self.0.eliminate()
+    }
+}
+
+/// [`Bordered::solve`], compiled for each instruction set.
+struct Solve<'a, const KL: usize, const KU: usize>(&'a Bordered<KL, KU>, &'a mut [f64]);
+
+impl<const KL: usize, const KU: usize> pulp::WithSimd for Solve<'_, KL, KU> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.0.substitute(self.1);
+    }
+}
+
 /// Sum of products over the shorter of both, in four sums that do not wait for each other.
-#[inline]
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let shorter = a.len().min(b.len());
     let (a, b) = (&a[..shorter], &b[..shorter]);

@@ -70,6 +70,8 @@ pub fn threshold(p: &Parameters) -> f64 {
 
 /// Mean speeds of all sections, Eq. 26 as C6. `out` has the sections' length.
 pub fn mean_speeds(p: &Parameters, sections: &[Section], out: &mut [MeanSpeed]) {
+    let arch = pulp::Arch::new();
+    let mut sweep = [Swept::default(); INNER];
     for (sections, out) in sections.chunks(LANES).zip(out.chunks_mut(LANES)) {
         let mut mu = [1.0; LANES];
         let mut kappa = [1.0; LANES];
@@ -77,7 +79,8 @@ pub fn mean_speeds(p: &Parameters, sections: &[Section], out: &mut [MeanSpeed]) 
             mu[l] = s.mu_w.abs();
             kappa[l] = (s.width_m / (2.0 * INTERVALS as f64 * p.A * p.d_m)).powi(2);
         }
-        let [psi, by_mu, by_kappa] = flow(p.mu_s, &mu, &kappa);
+        let [psi, by_mu, by_kappa] =
+            arch.dispatch(Flow { mu_s: p.mu_s, mu_w: mu, kappa, sweep: &mut sweep });
         for (l, (s, out)) in sections.iter().zip(out).enumerate() {
             let unit = 2.0 * s.width_m / INTERVALS as f64 * local_fluidity_rate(p, s.thickness_m);
             let speed = unit * psi[l] * s.mu_w.signum();
@@ -91,19 +94,52 @@ pub fn mean_speeds(p: &Parameters, sections: &[Section], out: &mut [MeanSpeed]) 
     }
 }
 
-/// Ψ, ∂Ψ/∂μ_w and ∂Ψ/∂κ of eight sections.
-fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
+/// Shares 1 − m/M of μ_w at the interior points, and their inverses.
+const SHARES: [[f64; 2]; INNER] = {
+    let mut shares = [[0.0; 2]; INNER];
+    let mut i = 0;
+    while i < INNER {
+        let share = 1.0 - (i + 1) as f64 / INTERVALS as f64;
+        shares[i] = [share, 1.0 / share];
+        i += 1;
+    }
+    shares
+};
+
+/// What the forward sweep leaves for the backward one, at one point of eight sections.
+#[derive(Debug, Clone, Copy, Default)]
+struct Swept {
+    inverse: Lane,
+    phi: Lane,
+    lambda: Lane,
+}
+
+/// Eight sections, for which Ψ, ∂Ψ/∂μ_w and ∂Ψ/∂κ are wanted; compiled for each instruction set.
+struct Flow<'a> {
+    mu_s: f64,
+    mu_w: Lane,
+    kappa: Lane,
+    sweep: &'a mut [Swept; INNER],
+}
+
+impl pulp::WithSimd for Flow<'_> {
+    type Output = [Lane; 3];
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> [Lane; 3] {
+        flow(self.mu_s, &self.mu_w, &self.kappa, self.sweep)
+    }
+}
+
+#[inline(always)]
+fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane, sweep: &mut [Swept; INNER]) -> [Lane; 3] {
     // 1/μ by one division per section; the pivots are the only divisions of the loops.
     let inverse_mu_w = mu_w.map(|mu| 1.0 / mu);
     // Forward sweep of φ and of the adjoint λ, whose right-hand side is c·μ.
-    let mut inverse = [[0.0; LANES]; INNER];
-    let mut phi = [[0.0; LANES]; INNER];
-    let mut lambda = [[0.0; LANES]; INNER];
     let (mut last_inverse, mut last_phi, mut last_lambda) =
         ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     for m in 0..INNER {
-        let share = 1.0 - (m + 1) as f64 / INTERVALS as f64;
-        let inverse_share = 1.0 / share;
+        let [share, inverse_share] = SHARES[m];
         let diagonal = if m == 0 || m == INNER - 1 { 1.0 } else { 2.0 };
         for l in 0..LANES {
             let mu = mu_w[l] * share;
@@ -115,20 +151,20 @@ fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
             last_lambda[l] = (WEIGHTS[m] * mu + last_lambda[l]) * pivot;
             last_inverse[l] = pivot;
         }
-        (inverse[m], phi[m], lambda[m]) = (last_inverse, last_phi, last_lambda);
+        sweep[m] = Swept { inverse: last_inverse, phi: last_phi, lambda: last_lambda };
     }
     // Backward sweep; Ψ and its slopes are summed on the way.
     let mut sums = [[0.0; LANES]; 3];
     let (mut next_phi, mut next_lambda) = ([0.0; LANES], [0.0; LANES]);
     for m in (0..INNER).rev() {
-        let share = 1.0 - (m + 1) as f64 / INTERVALS as f64;
-        let inverse_share = 1.0 / share;
+        let [share, inverse_share] = SHARES[m];
+        let Swept { inverse, phi, lambda } = sweep[m];
         for l in 0..LANES {
             let mu = mu_w[l] * share;
             let excess = mu - mu_s;
             let ratio = positive_part(excess) * inverse_mu_w[l] * inverse_share;
-            next_phi[l] = phi[m][l] + inverse[m][l] * next_phi[l];
-            next_lambda[l] = lambda[m][l] + inverse[m][l] * next_lambda[l];
+            next_phi[l] = phi[l] + inverse[l] * next_phi[l];
+            next_lambda[l] = lambda[l] + inverse[l] * next_lambda[l];
             let sign = if excess > 0.0 { 1.0 } else { -1.0 };
             let source_by_mu = kappa[l] * ratio * (2.0 - ratio);
             sums[0][l] += WEIGHTS[m] * mu * next_phi[l];
@@ -143,7 +179,7 @@ fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane) -> [Lane; 3] {
 }
 
 /// Unlike `f64::max`, one instruction.
-#[inline]
+#[inline(always)]
 fn positive_part(x: f64) -> f64 {
     if x > 0.0 { x } else { 0.0 }
 }
