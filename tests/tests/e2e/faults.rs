@@ -12,7 +12,7 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// Kills, by default over sweeps of so many runs.
+/// Kills, over as many sweeps of melt by width as it takes.
 const KILLS: usize = 20;
 const MELTS: usize = 100;
 const WIDTHS: usize = 50;
@@ -43,7 +43,7 @@ fn files(archive: &Path) -> (HashSet<String>, usize) {
 fn sweeps_survive_being_killed() {
     let folder = folder();
     let spec = json!({
-        "name": "melt by width", "regime": "steady", "parameters": {"n_cells": 20},
+        "name": "melt by width", "regime": "steady",
         "axes": [
             {"parameter": "melt_rate_m_per_day", "linspace": [0.5, 1.0, MELTS]},
             {"parameter": "width_m", "linspace": [3500, 4500, WIDTHS]},
