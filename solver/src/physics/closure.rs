@@ -2,7 +2,8 @@
 //! equation's condition there, and the mass equation, whose characteristics enter at x = 0, is left
 //! without one; what stands in its first row decides the force. One arm per closure.
 
-use super::{Medium, Sink, continuity};
+use super::continuity::{self, Before};
+use super::{Medium, Sink};
 use crate::state::{State, Var, scale};
 
 /// The first row of the mass equation.
@@ -43,13 +44,7 @@ impl UpstreamClosure {
 }
 
 /// The mass equation's row of the first cell: m for `Published`, m a⁻¹ for the others.
-pub(super) fn first_row<S: Sink>(
-    m: &Medium,
-    s: &State,
-    inverse_dt: f64,
-    old: Option<(&[f64], f64)>,
-    out: &mut S,
-) {
+pub(super) fn first_row<S: Sink>(m: &Medium, before: Option<Before<'_>>, s: &State, out: &mut S) {
     let row = Var::H(0);
     let n = s.n_cells();
     let h = &s.thickness_m;
@@ -67,12 +62,12 @@ pub(super) fn first_row<S: Sink>(
             out.slope(row, Var::U(0), -1.0);
         }
         UpstreamClosure::Printed => {
-            let (thickness, length) = old.unwrap_or((h, s.length_m));
             let chi = 0.5 / n as f64;
-            let length_rate = (s.length_m - length) * inverse_dt;
+            let inverse_dt = before.map_or(0.0, |b| b.per_step);
+            let length_rate = before.map_or(0.0, |b| b.length_rate(s));
             let gradient = (h[1] - h[0]) / s.dx_m();
             let divergence = continuity::flux_difference(m, s, [0, 1], 0, row, out);
-            let storage = (h[0] - thickness[0]) * inverse_dt;
+            let storage = before.map_or(0.0, |b| (h[0] - b.thickness_m[0]) * inverse_dt);
             let melt = m.parameters.melt_rate_m_per_a();
             out.residual(row, storage - chi * length_rate * gradient + divergence + melt);
             let by_neighbour = chi * length_rate / s.dx_m();

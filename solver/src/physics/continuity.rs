@@ -1,7 +1,7 @@
 //! Conservation of mass and the condition that fixes the length: residual and Jacobian rows.
 //! Knows no other equation; what replaces the first row stands in `closure`.
 
-use super::{Medium, Sink, closure};
+use super::{Medium, Sink};
 use crate::state::{State, Var};
 
 /// How mass is balanced.
@@ -27,24 +27,44 @@ pub enum MassBalance<'a> {
     },
 }
 
-/// Mass continuity, Eq. 27 as C7 and C9, and H_L = d (C1); rows of the cells in m a⁻¹, of L in m.
+/// The step before: 1/Δt in a⁻¹, H there and L there.
+#[derive(Debug, Clone, Copy)]
+pub struct Before<'a> {
+    /// 1/Δt, a⁻¹.
+    pub per_step: f64,
+    /// H: \[N\] m.
+    pub thickness_m: &'a [f64],
+    /// L, m.
+    pub length_m: f64,
+}
+
+impl<'a> MassBalance<'a> {
+    /// The step before, if there is one.
+    pub fn before(&self) -> Option<Before<'a>> {
+        match *self {
+            Self::Step { dt_a, thickness_m, length_m } => {
+                Some(Before { per_step: 1.0 / dt_a, thickness_m, length_m })
+            }
+            Self::Steady | Self::Given { .. } => None,
+        }
+    }
+}
+
+impl Before<'_> {
+    /// dL/dτ, m a⁻¹.
+    pub fn length_rate(&self, s: &State) -> f64 {
+        (s.length_m - self.length_m) * self.per_step
+    }
+}
+
+/// Mass continuity, Eq. 27 as C7 and C9, of all cells but the first, and H_L = d (C1); rows of the
+/// cells in m a⁻¹, of L in m.
 ///
 /// U: \[N+1\] m a⁻¹ at nodes; H: \[N\] m in cells. The first row is the upstream closure's.
-pub fn residual<S: Sink>(m: &Medium, balance: MassBalance<'_>, s: &State, out: &mut S) {
+pub fn residual<S: Sink>(m: &Medium, before: Option<Before<'_>>, s: &State, out: &mut S) {
     let n = s.n_cells();
-    let (inverse_dt, old) = match balance {
-        MassBalance::Steady => (0.0, None),
-        MassBalance::Step { dt_a, thickness_m, length_m } => {
-            (1.0 / dt_a, Some((thickness_m, length_m)))
-        }
-        MassBalance::Given { thickness_m, length_m } => {
-            given(thickness_m, length_m, s, out);
-            return;
-        }
-    };
-    let length_rate = old.map_or(0.0, |(_, length)| (s.length_m - length) * inverse_dt);
-
-    closure::first_row(m, s, inverse_dt, old, out);
+    let inverse_dt = before.map_or(0.0, |b| b.per_step);
+    let length_rate = before.map_or(0.0, |b| b.length_rate(s));
     for c in 1..n {
         let row = Var::H(c);
         let upstream = s.thickness_m[c - 1];
@@ -55,7 +75,7 @@ pub fn residual<S: Sink>(m: &Medium, balance: MassBalance<'_>, s: &State, out: &
         let gradient = (s.thickness_m[right] - upstream) / (span * s.dx_m());
         let grid_motion = chi * length_rate * gradient;
         let divergence = flux_difference(m, s, [c - 1, c], c, row, out);
-        let storage = old.map_or(0.0, |(thickness, _)| (h - thickness[c]) * inverse_dt);
+        let storage = before.map_or(0.0, |b| (h - b.thickness_m[c]) * inverse_dt);
         out.residual(row, storage - grid_motion + divergence + m.parameters.melt_rate_m_per_a());
 
         out.slope(row, Var::H(c), inverse_dt);
@@ -99,7 +119,8 @@ pub(super) fn flux_difference<S: Sink>(
     total
 }
 
-fn given<S: Sink>(thickness_m: &[f64], length_m: f64, s: &State, out: &mut S) {
+/// H and L as given; rows in m.
+pub fn given<S: Sink>(thickness_m: &[f64], length_m: f64, s: &State, out: &mut S) {
     let n = s.n_cells();
     for (c, given) in thickness_m.iter().enumerate() {
         out.residual(Var::H(c), s.thickness_m[c] - given);

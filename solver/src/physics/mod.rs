@@ -166,7 +166,13 @@ impl<'a> Equations<'a> {
         momentum::residual(&medium, state, out);
         sidewall::residual(&medium, state, speeds, out);
         fluidity::residual(&medium, state, out);
-        continuity::residual(&medium, problem.balance, state, out);
+        if let MassBalance::Given { thickness_m, length_m } = problem.balance {
+            continuity::given(thickness_m, length_m, state, out);
+        } else {
+            let before = problem.balance.before();
+            closure::first_row(&medium, before, state, out);
+            continuity::residual(&medium, before, state, out);
+        }
         Ok(())
     }
 
