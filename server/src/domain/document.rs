@@ -299,12 +299,38 @@ impl Document {
                 }
             })?;
             json.end().map_err(|e| Refusal::sentence(e.to_string()))?;
+            check_forms(&serde_json::from_str(text).unwrap_or_default())?;
             Ok(document)
         } else {
             let toml =
                 toml::Deserializer::parse(text).map_err(|e| Refusal::sentence(e.to_string()))?;
-            serde_path_to_error::deserialize(toml)
-                .map_err(|e| located(e.path().to_string(), e.inner().message().to_string()))
+            let document = serde_path_to_error::deserialize(toml)
+                .map_err(|e| located(e.path().to_string(), e.inner().message().to_string()))?;
+            check_forms(&toml::from_str(text).unwrap_or_default())?;
+            Ok(document)
         }
     }
+}
+
+/// The deserialiser would also take a list for a structure and a table for a name; documents are not
+/// written so.
+fn check_forms(written: &Value) -> Result<(), Refusal> {
+    let refuse = |field: String, value: &Value, form: &str| {
+        Err(Refusal::value(field, value.clone(), format!("to be written as {form}")))
+    };
+    for member in ["time", "options", "parameters"] {
+        if let Some(value) = written.get(member).filter(|v| v.is_array()) {
+            return refuse(member.into(), value, "members by name");
+        }
+    }
+    if let Some(value) = written.get("regime").filter(|v| !v.is_string()) {
+        return refuse("regime".into(), value, "a name");
+    }
+    let axes = written.get("axes").and_then(Value::as_array);
+    for (i, axis) in axes.into_iter().flatten().enumerate() {
+        if !axis.is_object() {
+            return refuse(format!("axes[{i}]"), axis, "members by name");
+        }
+    }
+    Ok(())
 }

@@ -168,6 +168,8 @@ fn bad_input_is_refused_with_field_value_and_range() {
             "parameters.calving_rate_m_per_a",
             "varying width",
         ),
+        (r#"{"regime":"transient","time":[0.1,0.1,null,null,[]]}"#, "time", "by name"),
+        (r#"{"regime":{"steady":null}}"#, "regime", "a name"),
         (r#"{"regime":"steady","axes":[]}"#, "", ""),
         (r#"{"regime":"steady","name":"x"}"#, "name", "sweep"),
     ] {
