@@ -22,13 +22,13 @@ pub enum Format {
     Csv,
 }
 
-/// Writes a sweep's table into a nameless file of the archive's disk, rewound.
+/// Writes a sweep's table into a nameless file of the archive's disk; returns it rewound, with its length.
 pub fn gather(
     archive: &Path,
     paths: &[String],
     kind: Kind,
     format: Format,
-) -> Result<File, ArchiveError> {
+) -> Result<(File, u64), ArchiveError> {
     let fault = |source| ArchiveError::File {
         path: format!("a copy of all {}", kind.name()),
         doing: "written",
@@ -65,7 +65,8 @@ pub fn gather(
         }
     }
     file.rewind().map_err(fault)?;
-    Ok(file)
+    let length = file.metadata().map_err(fault)?.len();
+    Ok((file, length))
 }
 
 /// The cells of a row as text; numbers in the shortest form that reads back to the same bits.

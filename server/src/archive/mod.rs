@@ -48,6 +48,14 @@ pub enum ArchiveError {
     /// A reader broke off.
     #[error("reading the archive broke off: {0}")]
     Broken(#[from] tokio::task::JoinError),
+    /// A run has a status that this version does not know.
+    #[error("run {run_id} has the status `{status}`, which this version does not know")]
+    Status {
+        /// Which run.
+        run_id: String,
+        /// The status.
+        status: String,
+    },
     /// A file lacks a column.
     #[error("the archive's file {path} lacks the column {column}")]
     Column {

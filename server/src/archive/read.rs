@@ -59,7 +59,9 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
     };
     let text = |name: &str| entry.row.text(name).to_owned();
     Ok(Outcome {
-        status: Status::from_name(entry.row.text("status")).unwrap_or(Status::Failed),
+        status: Status::from_name(entry.row.text("status")).ok_or_else(|| {
+            ArchiveError::Status { run_id: run_id.to_owned(), status: text("status") }
+        })?,
         detail: text("detail"),
         parameters: EffectiveParameters(entry.parameters),
         regime: text("regime"),

@@ -282,34 +282,39 @@ pub struct Axis {
 impl Document {
     /// Reads JSON if the first character is `{`, else TOML.
     pub fn parse(text: &str) -> Result<Self, Refusal> {
-        let located = |path: String, message: String| {
-            let field = (![".", "?"].contains(&path.as_str())).then_some(path);
-            let place = field.as_ref().map_or_else(String::new, |f| format!("`{f}`: "));
-            Refusal { detail: format!("{place}{message}"), field, value: None, permitted: None }
-        };
         if text.trim_start().starts_with('{') {
+            let sentence = |e: serde_json::Error| Refusal::sentence(e.to_string());
+            // Read twice: the first time for the value at the place of an error in the second.
+            let written: Value = serde_json::from_str(text).map_err(sentence)?;
             let mut json = serde_json::Deserializer::from_str(text);
-            let document = serde_path_to_error::deserialize(&mut json).map_err(|e| {
-                let inner: &serde_json::Error = e.inner();
-                match inner.classify() {
-                    serde_json::error::Category::Data => {
-                        located(e.path().to_string(), inner.to_string())
-                    }
-                    _ => Refusal::sentence(inner.to_string()),
-                }
-            })?;
-            json.end().map_err(|e| Refusal::sentence(e.to_string()))?;
-            check_forms(&serde_json::from_str(text).unwrap_or_default())?;
+            let document = serde_path_to_error::deserialize(&mut json)
+                .map_err(|e| located(&written, &e.path().to_string(), &e.inner().to_string()))?;
+            check_forms(&written)?;
             Ok(document)
         } else {
-            let toml =
-                toml::Deserializer::parse(text).map_err(|e| Refusal::sentence(e.to_string()))?;
+            let sentence = |e: toml::de::Error| Refusal::sentence(e.to_string());
+            let written: Value = toml::from_str(text).map_err(sentence)?;
+            let toml = toml::Deserializer::parse(text).map_err(sentence)?;
             let document = serde_path_to_error::deserialize(toml)
-                .map_err(|e| located(e.path().to_string(), e.inner().message().to_string()))?;
-            check_forms(&toml::from_str(text).unwrap_or_default())?;
+                .map_err(|e| located(&written, &e.path().to_string(), e.inner().message()))?;
+            check_forms(&written)?;
             Ok(document)
         }
     }
+}
+
+/// A member that does not fit, with the value found there; what is permitted is what the deserialiser
+/// expected.
+fn located(written: &Value, path: &str, message: &str) -> Refusal {
+    let permitted = message.split_once("expected ").map(|(_, expected)| expected.to_owned());
+    if [".", "?"].contains(&path) {
+        return Refusal { permitted, ..Refusal::sentence(message) };
+    }
+    let pointer = format!("/{}", path.replace('.', "/").replace('[', "/").replace(']', ""));
+    let value = written.pointer(&pointer).cloned();
+    let given = value.as_ref().map_or_else(String::new, |v| format!(" = {v}"));
+    let detail = format!("`{path}`{given} is refused: {message}");
+    Refusal { detail, field: Some(path.to_owned()), value, permitted }
 }
 
 /// The deserialiser would also take a list for a structure and a table for a name; documents are not

@@ -59,17 +59,26 @@ impl Refusal {
         }
     }
 
+    /// A name that is no parameter, with the value given to it.
+    pub fn unknown_parameter(path: &str, name: &str, value: f64) -> Self {
+        let refusal = Self::number(format!("{path}.{name}"), value, known_parameters());
+        let detail = format!(
+            "there is no parameter `{name}` (given as {value}); known are {}",
+            known_parameters()
+        );
+        Self { detail, ..refusal }
+    }
+
+    fn at(self, field: String, permitted: String) -> Self {
+        Self { field: Some(field), permitted: Some(permitted), ..self }
+    }
+
     /// A parameter the solver's table refuses, found at `path`.
     pub fn parameter(path: &str, error: &ParameterError) -> Self {
         match error {
-            ParameterError::Unknown { name } => Self {
-                detail: error.to_string(),
-                field: Some(format!("{path}.{name}")),
-                value: None,
-                permitted: Some(
-                    params::PARAMETERS.map(|p| p.name).join(", ") + ", calving_flux_m2_per_a",
-                ),
-            },
+            ParameterError::Unknown { name } => {
+                Self::sentence(error.to_string()).at(format!("{path}.{name}"), known_parameters())
+            }
             ParameterError::OutOfRange { name, value } => {
                 Self::number(format!("{path}.{name}"), *value, params::permitted(name))
             }
@@ -78,4 +87,8 @@ impl Refusal {
             }
         }
     }
+}
+
+fn known_parameters() -> String {
+    params::PARAMETERS.map(|p| p.name).join(", ") + ", calving_flux_m2_per_a"
 }

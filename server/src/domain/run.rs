@@ -4,7 +4,7 @@ use super::document::{Document, Regime, Start, Time};
 use super::outcome::SERIES;
 use super::refusal::Refusal;
 use melange_solver::Model;
-use melange_solver::params::{self, Parameters};
+use melange_solver::params::{self, ParameterError, Parameters};
 use melange_solver::physics::closure::UpstreamClosure;
 
 /// A run whose every value has been checked.
@@ -302,7 +302,12 @@ fn effective_parameters(
         if name == FLUX {
             flux = Some(*value);
         } else {
-            parameters.set(name, *value).map_err(|e| Refusal::parameter("parameters", &e))?;
+            parameters.set(name, *value).map_err(|e| match e {
+                ParameterError::Unknown { .. } => {
+                    Refusal::unknown_parameter("parameters", name, *value)
+                }
+                e => Refusal::parameter("parameters", &e),
+            })?;
         }
     }
     let Some(flux) = flux else { return Ok(parameters) };

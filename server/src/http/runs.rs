@@ -157,9 +157,8 @@ async fn bulk(
     let paths = catalogue::files_of_sweep(&mut tx, id, kind).await?;
     drop(tx);
     let archive = service.store.archive();
-    let file =
+    let (file, length) =
         tokio::task::spawn_blocking(move || gather(&archive, &paths, kind, format)).await??;
-    let length = file.metadata().map(|m| m.len()).unwrap_or_default();
     let (content_type, ending) = match format {
         Format::Parquet => ("application/vnd.apache.parquet", "parquet"),
         Format::Csv => ("text/csv; charset=utf-8", "csv"),

@@ -116,7 +116,8 @@ fn diagnostic_solve_and_time_steps_equal_the_published_codes() {
     }
 }
 
-/// The published states put into our equations: each row of each step vanishes to 1e-8, but for one.
+/// The published states put into our equations: each row of each step vanishes to 1e-10, but for one
+/// and, to 1e-8, the two momentum rows that hold the same fluidity.
 #[test]
 fn published_steps_solve_our_equations() {
     let reference = json(include_str!("../reference/published_code_steps.json"));
@@ -150,15 +151,18 @@ fn published_steps_solve_our_equations() {
                 .residual(&x, &mut residual)
                 .expect("in the domain");
             let stopped_short = Var::G(UNCONVERGED.2).index();
+            let beside = [0, 1].map(|k| Var::U(UNCONVERGED.2 + k).index());
             for (row, r) in residual.iter().enumerate() {
-                if (case_name.as_str(), i + 1, row) == (UNCONVERGED.0, UNCONVERGED.1, stopped_short)
-                {
+                let is_there = (case_name.as_str(), i + 1) == (UNCONVERGED.0, UNCONVERGED.1);
+                if is_there && beside.contains(&row) {
+                    assert!(r.abs() < 1e-8, "{case_name}, step {}, row {row}: {r:e}", i + 1);
+                } else if is_there && row == stopped_short {
                     assert!(
                         r.abs() > 1e-7,
                         "the published number solves its equation after all: {r:e}"
                     );
                 } else {
-                    assert!(r.abs() < 1e-8, "{case_name}, step {}, row {row}: {r:e}", i + 1);
+                    assert!(r.abs() < 1e-10, "{case_name}, step {}, row {row}: {r:e}", i + 1);
                 }
             }
             (thickness, length) = (state.thickness_m, state.length_m);

@@ -90,8 +90,8 @@ fn a_neighbour_changes_neither_verdict_nor_root() {
                         SteadyVerdict::Converged { solution: warm, first_level },
                     ) => {
                         let (cold, warm) = (cold.state, warm.state);
-                        assert_close("L", warm.length_m, cold.length_m, 1e-8);
-                        assert_close("H0", warm.thickness_0_m(), cold.thickness_0_m(), 1e-8);
+                        assert_close("L", warm.length_m, cold.length_m, 1e-9);
+                        assert_close("H0", warm.thickness_0_m(), cold.thickness_0_m(), 1e-9);
                         near = Some(first_level);
                         seen[0] += 1;
                     }
