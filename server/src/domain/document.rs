@@ -306,11 +306,13 @@ impl Document {
 /// A member that does not fit, with the value found there; what is permitted is what the deserialiser
 /// expected.
 fn located(written: &Value, path: &str, message: &str) -> Refusal {
-    let permitted = message.split_once("expected ").map(|(_, expected)| expected.to_owned());
+    let permitted = message.split_once("expected ").map(|(_, expected)| {
+        expected.split_once(" at line ").map_or(expected, |(form, _)| form).to_owned()
+    });
     if [".", "?"].contains(&path) {
         return Refusal { permitted, ..Refusal::sentence(message) };
     }
-    let pointer = format!("/{}", path.replace('.', "/").replace('[', "/").replace(']', ""));
+    let pointer = format!("/{}", path.replace(['.', '['], "/").replace(']', ""));
     let value = written.pointer(&pointer).cloned();
     let given = value.as_ref().map_or_else(String::new, |v| format!(" = {v}"));
     let detail = format!("`{path}`{given} is refused: {message}");

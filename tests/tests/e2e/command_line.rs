@@ -195,6 +195,7 @@ fn bad_input_is_refused_with_field_value_and_range() {
         (r#"{"regime":"stead"}"#, json!("stead"), "steady"),
         (r#"{"regime":"steady","parametres":{"b":1}}"#, json!({"b": 1}), "parameters"),
         (r#"{"regime":"steady","parameters":{"b":"x"}}"#, json!("x"), "f64"),
+        (r#"{"regime":"steady","options":{"lagged":1}}"#, json!(1), "a boolean"),
     ] {
         let (_, result) = run(scenario);
         assert_eq!(result["value"], value, "{result}");
@@ -202,6 +203,7 @@ fn bad_input_is_refused_with_field_value_and_range() {
             result["permitted"].as_str().expect("what is permitted").contains(permitted),
             "{result}"
         );
+        assert!(!result["permitted"].to_string().contains("at line"), "{result}");
         let shown = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         assert!(result["detail"].as_str().expect("a sentence").contains(&shown), "{result}");
     }
