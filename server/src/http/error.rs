@@ -30,6 +30,12 @@ impl Problem {
         Self { kind: "about:blank", title, status: status.as_u16(), refusal: Box::new(refusal) }
     }
 
+    /// A document is larger than is taken.
+    pub fn too_large(bytes: usize, most: usize) -> Self {
+        let sentence = format!("the document has {bytes} bytes, and at most {most} are taken");
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, Refusal::sentence(sentence))
+    }
+
     /// The resource does not know this method.
     pub fn method_not_allowed() -> Self {
         let sentence = "this method is not known here; /api/v1/docs lists those that are";

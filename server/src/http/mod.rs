@@ -35,8 +35,11 @@ pub struct Service {
     pub workers: usize,
 }
 
-/// Largest body of a request: a sweep of 100,000 listed values fits.
-const BODY_BYTES: usize = 4 << 20;
+/// Largest document taken: a sweep of 100,000 listed values fits.
+const DOCUMENT_BYTES: usize = 4 << 20;
+/// Largest body read. A document that is too large is read to its end up to here, so that the refusal
+/// reaches a client that is still sending; beyond, the connection is closed.
+const BODY_BYTES: usize = 4 * DOCUMENT_BYTES;
 
 #[derive(OpenApi)]
 #[openapi(info(

@@ -1,8 +1,8 @@
 //! Sweeps over REST: submit, list, look at, fit.
 
-use super::Service;
 use super::error::Problem;
 use super::extract::{Asked, NothingAsked, Place};
+use super::{DOCUMENT_BYTES, Service};
 use crate::analysis::{self, Fit, Law, NoFit};
 use crate::archive::{catalogue, start};
 use crate::domain::document::Document;
@@ -128,6 +128,9 @@ pub async fn submit(
         return Err(Problem::not_yet("dry_run"));
     }
     let body = body?;
+    if body.len() > DOCUMENT_BYTES {
+        return Err(Problem::too_large(body.len(), DOCUMENT_BYTES));
+    }
     let sweep = tokio::task::spawn_blocking(move || {
         let text = std::str::from_utf8(&body).map_err(|e| Refusal::sentence(e.to_string()))?;
         Document::parse(text)?.into_sweep()
