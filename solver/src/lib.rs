@@ -37,7 +37,10 @@ pub mod diagnostic;
 pub mod error;
 pub mod fjord;
 pub mod force;
+pub mod forcing;
+pub mod interpolate;
 pub mod linalg;
+pub mod melt;
 pub mod newton;
 pub mod observe;
 pub mod params;
@@ -49,35 +52,46 @@ pub mod transient;
 
 use error::SolveError;
 use fjord::Fjord;
+use melt::MeltShape;
 use newton::{Limits, Root, Workspace};
 use params::{ParameterError, Parameters};
 use physics::closure::UpstreamClosure;
 use physics::continuity::MassBalance;
 use physics::fluidity::Relaxation;
+use physics::jacobian::Jacobian;
+use physics::terminus::Advance;
 use physics::{Equations, Problem, Scratch};
 use state::{State, unknowns};
 
-/// A mélange to be solved for: checked parameters and the closure at the terminus.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A mélange to be solved for: checked parameters, fjord, shape of the melt rate and the closure at the
+/// terminus.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     parameters: Parameters,
     fjord: Fjord,
+    melt_shape: MeltShape,
     closure: UpstreamClosure,
 }
 
 impl Model {
-    /// Checks the parameters and refuses those that describe no mélange.
+    /// A straight fjord of the parameters' width and gradient, with the same melt rate everywhere;
+    /// refuses parameters that describe no mélange.
     pub fn new(parameters: Parameters, closure: UpstreamClosure) -> Result<Self, ParameterError> {
         parameters.check()?;
-        if parameters.water_drag_n_per_m != 0.0 {
-            return Err(ParameterError::Contradiction {
-                name: "water_drag_n_per_m",
-                value: parameters.water_drag_n_per_m,
-                permitted: "water drag is not there yet, so only 0 is accepted".into(),
-            });
-        }
-        let fjord = Fjord { width_m: parameters.width_m, gradient: parameters.width_gradient };
-        Ok(Self { parameters, fjord, closure })
+        let fjord = Fjord::straight(parameters.width_m, parameters.width_gradient);
+        Ok(Self { parameters, fjord, melt_shape: MeltShape::default(), closure })
+    }
+
+    /// The same in another fjord, which replaces width and gradient.
+    pub fn in_fjord(mut self, fjord: Fjord) -> Self {
+        self.parameters.width_m = fjord.width(0.0);
+        self.parameters.width_gradient = fjord.slope(0.0);
+        Self { fjord, ..self }
+    }
+
+    /// The same with the melt rate spread otherwise.
+    pub fn with_melt_shape(self, melt_shape: MeltShape) -> Self {
+        Self { melt_shape, ..self }
     }
 
     /// The parameters.
@@ -88,6 +102,11 @@ impl Model {
     /// The fjord.
     pub fn fjord(&self) -> &Fjord {
         &self.fjord
+    }
+
+    /// How the melt rate is spread along the mélange.
+    pub fn melt_shape(&self) -> &MeltShape {
+        &self.melt_shape
     }
 
     /// The closure at the terminus.
@@ -111,7 +130,7 @@ pub struct Solution {
 #[derive(Debug, Clone, Copy)]
 struct Task<'a> {
     balance: MassBalance<'a>,
-    terminus_x_m: f64,
+    advance: Advance,
     smoothing: f64,
     relaxation: Option<Relaxation<'a>>,
 }
@@ -119,7 +138,7 @@ struct Task<'a> {
 impl<'a> Task<'a> {
     /// With a terminus at X₀ = 0, no smoothing and no pseudo-time.
     fn new(balance: MassBalance<'a>) -> Self {
-        Self { balance, terminus_x_m: 0.0, smoothing: 0.0, relaxation: None }
+        Self { balance, advance: Advance::fixed(0.0), smoothing: 0.0, relaxation: None }
     }
 
     fn smoothed(self, smoothing: f64) -> Self {
@@ -132,7 +151,7 @@ impl<'a> Task<'a> {
 pub struct Solver {
     model: Model,
     scratch: Scratch,
-    newton: Workspace,
+    newton: Workspace<Jacobian>,
     iterations: usize,
 }
 
@@ -140,7 +159,8 @@ impl Solver {
     /// A solver for a model.
     pub fn new(model: Model) -> Self {
         let n = model.parameters.n_cells;
-        Self { model, scratch: Scratch::new(n), newton: Workspace::new(unknowns(n)), iterations: 0 }
+        let newton = Workspace::new(unknowns(n), Jacobian::zeros(n));
+        Self { model, scratch: Scratch::new(n), newton, iterations: 0 }
     }
 
     /// The model.
@@ -167,9 +187,10 @@ impl Solver {
         let problem = Problem {
             parameters: &self.model.parameters,
             fjord: &self.model.fjord,
+            melt_shape: &self.model.melt_shape,
             closure: self.model.closure,
             balance: task.balance,
-            terminus_x_m: task.terminus_x_m,
+            advance: task.advance,
             smoothing: task.smoothing,
             relaxation: task.relaxation,
         };

@@ -1,14 +1,24 @@
 //! Newton's method with a line search that holds. Knows no physics and no time.
 
 use crate::error::{NewtonFailure, SolveError};
-use crate::linalg::bordered::Bordered;
+use crate::linalg::bordered::Singular;
 
 /// The point lies where the equations are not defined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutsideDomain;
 
+/// A matrix that can be factorised in place and then solved with.
+pub trait Linear {
+    /// Replaces the matrix by its factors.
+    fn factorise(&mut self) -> Result<(), Singular>;
+    /// Solves for one right-hand side, in place, with the factors.
+    fn solve(&self, rhs: &mut [f64]);
+}
+
 /// A square system of nondimensional equations.
 pub trait System {
+    /// Its Jacobian.
+    type Jacobian: Linear;
     /// Number of unknowns.
     fn unknowns(&self) -> usize;
     /// Evaluates the residual at x.
@@ -18,7 +28,7 @@ pub trait System {
         &mut self,
         x: &[f64],
         residual: &mut [f64],
-        jacobian: &mut Bordered<8, 8>,
+        jacobian: &mut Self::Jacobian,
     ) -> Result<(), OutsideDomain>;
     /// The longest share of `step`, at most 1, that keeps clear of the domain's bounds.
     fn longest_step(&self, x: &[f64], step: &[f64]) -> f64;
@@ -26,15 +36,15 @@ pub trait System {
 
 /// Buffers of an iteration, reused from solve to solve.
 #[derive(Debug, Clone)]
-pub struct Workspace {
+pub struct Workspace<J> {
     /// The iterate: start before, root after.
     pub x: Vec<f64>,
     residual: Vec<f64>,
     step: Vec<f64>,
     trial: Vec<f64>,
     correction: Vec<f64>,
-    jacobian: Bordered<8, 8>,
-    next_jacobian: Bordered<8, 8>,
+    jacobian: J,
+    next_jacobian: J,
     history: Vec<f64>,
 }
 
@@ -63,21 +73,23 @@ pub struct Root {
     pub residual_norm: f64,
 }
 
-impl Workspace {
-    /// For n unknowns.
-    pub fn new(n: usize) -> Self {
+impl<J: Linear + Clone> Workspace<J> {
+    /// For n unknowns, with any matrix of their size.
+    pub fn new(n: usize, jacobian: J) -> Self {
         Self {
             x: vec![0.0; n],
             residual: vec![0.0; n],
             step: vec![0.0; n],
             trial: vec![0.0; n],
             correction: vec![0.0; n],
-            jacobian: Bordered::zeros(n),
-            next_jacobian: Bordered::zeros(n),
+            next_jacobian: jacobian.clone(),
+            jacobian,
             history: Vec::with_capacity(128),
         }
     }
+}
 
+impl<J: Linear> Workspace<J> {
     /// The trial point a share of the step away.
     fn advance(&mut self, share: f64) {
         for ((trial, x), step) in self.trial.iter_mut().zip(&self.x).zip(&self.step) {
@@ -105,7 +117,7 @@ impl Workspace {
 /// Finds a root from `w.x`, which holds it afterwards; on failure `w.x` is the last iterate.
 pub fn solve<S: System>(
     system: &mut S,
-    w: &mut Workspace,
+    w: &mut Workspace<S::Jacobian>,
     limits: Limits,
     stage: &'static str,
 ) -> Result<Root, SolveError> {
@@ -121,7 +133,7 @@ pub fn solve<S: System>(
 
 fn iterate<S: System>(
     system: &mut S,
-    w: &mut Workspace,
+    w: &mut Workspace<S::Jacobian>,
     limits: Limits,
 ) -> Result<Root, NewtonFailure> {
     /// Shortest share of a Newton step that is tried.

@@ -113,32 +113,36 @@ pub mod scale {
 
 /// An unknown of the packed vector, or the row that belongs to it.
 ///
-/// Packed cell by cell, U_j, μ_j, H_{j+½}, g_{j+½}, and L at the end: every row but L's column
-/// then stays within eight places of the diagonal.
+/// Packed cell by cell, U_j, H_{j+½}, g_{j+½}, then L, and all μ_w at the end: μ_w of a node touches
+/// that node's equations alone and is eliminated before the rest is solved, which then stays within
+/// six places of the diagonal but for L's column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Var {
     /// U at a node; row: momentum.
     U(usize),
-    /// μ_w at a node; row: transverse problem.
-    Mu(usize),
     /// H in a cell; row: mass.
     H(usize),
     /// g^x in a cell; row: fluidity.
     G(usize),
-    /// L; row: H_L = d. Holds N.
-    L(usize),
+    /// L; row: H_L = d.
+    L,
+    /// μ_w at a node; row: transverse problem.
+    Mu(usize),
+    /// U_c where a calving law sets it; row: the law. Not packed, since the law gives it outright.
+    Calving,
 }
 
 impl Var {
-    /// Place in the packed vector.
+    /// Place in the packed vector of N cells; none for [`Var::Calving`].
     #[inline]
-    pub fn index(self) -> usize {
+    pub fn index(self, n_cells: usize) -> Option<usize> {
         match self {
-            Var::U(j) => 4 * j,
-            Var::Mu(j) => 4 * j + 1,
-            Var::H(c) => 4 * c + 2,
-            Var::G(c) => 4 * c + 3,
-            Var::L(n) => 4 * n + 2,
+            Var::U(j) => Some(3 * j),
+            Var::H(c) => Some(3 * c + 1),
+            Var::G(c) => Some(3 * c + 2),
+            Var::L => Some(3 * n_cells + 1),
+            Var::Mu(j) => Some(core_unknowns(n_cells) + j),
+            Var::Calving => None,
         }
     }
 
@@ -146,11 +150,11 @@ impl Var {
     #[inline]
     pub fn scale(self) -> f64 {
         match self {
-            Var::U(_) => scale::VELOCITY,
+            Var::U(_) | Var::Calving => scale::VELOCITY,
             Var::Mu(_) => 1.0,
             Var::H(_) => scale::THICKNESS,
             Var::G(_) => scale::FLUIDITY,
-            Var::L(_) => scale::LENGTH,
+            Var::L => scale::LENGTH,
         }
     }
 }
@@ -160,32 +164,39 @@ pub fn unknowns(n_cells: usize) -> usize {
     4 * n_cells + 3
 }
 
+/// Number of unknowns but μ_w, which come first: 3N + 2.
+pub fn core_unknowns(n_cells: usize) -> usize {
+    3 * n_cells + 2
+}
+
 impl State {
     /// Writes the nondimensional packed vector.
     pub fn pack(&self, out: &mut [f64]) {
         let n = self.n_cells();
+        let (core, mu_w) = out.split_at_mut(core_unknowns(n));
+        mu_w.copy_from_slice(&self.mu_w);
         for j in 0..=n {
-            out[4 * j] = self.velocity_m_per_a[j] / scale::VELOCITY;
-            out[4 * j + 1] = self.mu_w[j];
+            core[3 * j] = self.velocity_m_per_a[j] / scale::VELOCITY;
         }
         for c in 0..n {
-            out[4 * c + 2] = self.thickness_m[c] / scale::THICKNESS;
-            out[4 * c + 3] = self.fluidity_per_a[c] / scale::FLUIDITY;
+            core[3 * c + 1] = self.thickness_m[c] / scale::THICKNESS;
+            core[3 * c + 2] = self.fluidity_per_a[c] / scale::FLUIDITY;
         }
-        out[4 * n + 2] = self.length_m / scale::LENGTH;
+        core[3 * n + 1] = self.length_m / scale::LENGTH;
     }
 
     /// Reads the nondimensional packed vector.
     pub fn unpack(&mut self, packed: &[f64]) {
         let n = self.n_cells();
+        let (core, mu_w) = packed.split_at(core_unknowns(n));
+        self.mu_w.copy_from_slice(mu_w);
         for j in 0..=n {
-            self.velocity_m_per_a[j] = packed[4 * j] * scale::VELOCITY;
-            self.mu_w[j] = packed[4 * j + 1];
+            self.velocity_m_per_a[j] = core[3 * j] * scale::VELOCITY;
         }
         for c in 0..n {
-            self.thickness_m[c] = packed[4 * c + 2] * scale::THICKNESS;
-            self.fluidity_per_a[c] = packed[4 * c + 3] * scale::FLUIDITY;
+            self.thickness_m[c] = core[3 * c + 1] * scale::THICKNESS;
+            self.fluidity_per_a[c] = core[3 * c + 2] * scale::FLUIDITY;
         }
-        self.length_m = packed[4 * n + 2] * scale::LENGTH;
+        self.length_m = core[3 * n + 1] * scale::LENGTH;
     }
 }

@@ -8,7 +8,7 @@ use crate::error::SolveError;
 use crate::newton::{Limits, Root};
 use crate::params::ParameterError;
 use crate::physics::closure::UpstreamClosure;
-use crate::physics::continuity::MassBalance;
+use crate::physics::continuity::{Before, MassBalance};
 use crate::smoothing::{self, LEVELS};
 use crate::state::State;
 use crate::{Model, Solution, Solver, Task, diagnostic};
@@ -174,11 +174,11 @@ impl Solver {
             let balance = if dt_a > LONGEST_STEP_A {
                 MassBalance::Steady
             } else {
-                MassBalance::Step {
-                    dt_a,
+                MassBalance::Step(Before {
+                    per_step: 1.0 / dt_a,
                     thickness_m: &state.thickness_m,
                     length_m: state.length_m,
-                }
+                })
             };
             let task = Task::new(balance).smoothed(smoothing);
             let outcome = if careful && dt_a <= LONGEST_STEP_A {

@@ -3,7 +3,8 @@
 use crate::error::SolveError;
 use crate::newton::{Limits, Root};
 use crate::observe::{Moment, Observer};
-use crate::physics::continuity::MassBalance;
+use crate::physics::continuity::{Before, MassBalance};
+use crate::physics::terminus::Advance;
 use crate::smoothing::LEVELS;
 use crate::state::State;
 use crate::steady::{NEARLY_CLOSED, NEARLY_OVERTHICK, collapsed};
@@ -145,9 +146,10 @@ impl Solver {
     /// from the old state, and through the smoothed rheology where a kink stops it.
     fn step(&mut self, old: &State, dt_a: f64, terminus_x_m: f64) -> Result<Root, SolveError> {
         let stage = "taking an implicit time step";
-        let balance =
-            MassBalance::Step { dt_a, thickness_m: &old.thickness_m, length_m: old.length_m };
-        let task = Task { terminus_x_m, ..Task::new(balance) };
+        let before =
+            Before { per_step: 1.0 / dt_a, thickness_m: &old.thickness_m, length_m: old.length_m };
+        let advance = Advance::fixed(terminus_x_m);
+        let task = Task { advance, ..Task::new(MassBalance::Step(before)) };
         old.pack(&mut self.newton.x);
         let limits = Limits { iterations: 20, ..Limits::default() };
         if let Ok(root) = self.solve_from_iterate(task, limits, stage) {

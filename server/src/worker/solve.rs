@@ -109,10 +109,10 @@ impl Walker {
         let model = Model::new(run.parameters, run.closure).map_err(|e| failed(e.to_string()))?;
         let solver = match &mut self.solver {
             Some(solver) => {
-                solver.retarget(model);
+                solver.retarget(model.clone());
                 solver
             }
-            none => none.insert(Solver::new(model)),
+            none => none.insert(Solver::new(model.clone())),
         };
         let steady = if run.needs_steady_state() {
             match solver.steady(self.near.as_ref()).map_err(gave_up)? {
@@ -175,7 +175,7 @@ fn transient(
     start: Solution,
     stop: &dyn Fn() -> bool,
 ) -> Option<Ended> {
-    let model = *solver.model();
+    let model = solver.model().clone();
     let mut series = Series::default();
     let mut states = Vec::new();
     let mut wanted = steps.profiles_at.iter().peekable();

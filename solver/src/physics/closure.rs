@@ -68,14 +68,15 @@ pub(super) fn first_row<S: Sink>(m: &Medium, before: Option<Before<'_>>, s: &Sta
             let gradient = (h[1] - h[0]) / s.dx_m();
             let divergence = continuity::flux_difference(m, s, [0, 1], 0, row, out);
             let storage = before.map_or(0.0, |b| (h[0] - b.thickness_m[0]) * inverse_dt);
-            let melt = m.parameters.melt_rate_m_per_a();
+            let melt = m.melt_m_per_a(0);
             out.residual(row, storage - chi * length_rate * gradient + divergence + melt);
             let by_neighbour = chi * length_rate / s.dx_m();
             out.slope(row, Var::H(0), inverse_dt + by_neighbour);
             out.slope(row, Var::H(1), -by_neighbour);
             let by_length =
                 -chi * inverse_dt * gradient + chi * length_rate * gradient / s.length_m;
-            out.slope(row, Var::L(n), by_length);
+            out.slope(row, Var::L, by_length);
+            m.slope_by_melt(row, 0, out);
         }
     }
 }

@@ -73,6 +73,6 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
         out.slope(row, Var::H(c), 0.5 * by_local / h);
         out.slope(row, Var::U(c), -by_strain / dx);
         out.slope(row, Var::U(c + 1), by_strain / dx);
-        out.slope(row, Var::L(n), (-2.0 * curvature - by_strain * strain) / s.length_m);
+        out.slope(row, Var::L, (-2.0 * curvature - by_strain * strain) / s.length_m);
     }
 }

@@ -4,21 +4,23 @@
 pub mod closure;
 pub mod continuity;
 pub mod fluidity;
+pub mod jacobian;
 pub mod momentum;
+pub mod quasi_static;
 pub mod sidewall;
+pub mod terminus;
 
 use crate::fjord::Fjord;
-use crate::linalg::bordered::Bordered;
+use crate::melt::{MeltShape, Place};
 use crate::newton::{OutsideDomain, System};
 use crate::params::{GRAVITY, ICE_DENSITY, Parameters, SECONDS_PER_YEAR, WATER_DENSITY};
-use crate::state::{State, Var, scale, unknowns};
+use crate::state::{State, Var, core_unknowns, scale, unknowns};
 use closure::UpstreamClosure;
 use continuity::MassBalance;
 use fluidity::Relaxation;
+use jacobian::Jacobian;
 use sidewall::{MeanSpeed, Section};
-
-/// The Jacobian: a row reaches eight places to either side, and L's column is dense.
-pub type Jacobian = Bordered<8, 8>;
+use terminus::{Advance, Terminus};
 
 /// What a term reports: residuals in the unit its documentation names, and their slopes.
 pub trait Sink {
@@ -35,44 +37,90 @@ pub struct Medium<'a> {
     pub parameters: &'a Parameters,
     /// The closure at the terminus.
     pub closure: UpstreamClosure,
+    /// The terminus: calving, thickness, position.
+    pub terminus: Terminus,
     /// ε of the smoothed kinks in the longitudinal fluidity; 0 is the model.
     pub smoothing: f64,
     /// Pseudo-time of the fluidity; none in the model.
     pub relaxation: Option<Relaxation<'a>>,
-    widths: &'a [f64],
-    widths_by_length: &'a [f64],
+    cells: &'a [Cell],
+    melt_shape: &'a MeltShape,
+}
+
+/// What the place of a cell decides, and its slope along the fjord.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    width: f64,
+    width_by_x: f64,
+    melt: f64,
+    melt_by_x: f64,
 }
 
 impl Medium<'_> {
     /// W of a cell, m.
     #[inline]
     pub fn cell_width(&self, cell: usize) -> f64 {
-        self.widths[cell]
+        self.cells[cell].width
     }
 
-    /// ∂W/∂L of a cell at fixed χ.
+    /// ∂W/∂x of a cell.
     #[inline]
-    pub fn cell_width_by_length(&self, cell: usize) -> f64 {
-        self.widths_by_length[cell]
+    pub fn cell_width_by_x(&self, cell: usize) -> f64 {
+        self.cells[cell].width_by_x
+    }
+
+    /// Melt rate of a cell, positive, m a⁻¹.
+    #[inline]
+    pub fn melt_m_per_a(&self, cell: usize) -> f64 {
+        self.cells[cell].melt
+    }
+
+    /// Slopes of a mass row, to which a cell's melt rate is added.
+    #[inline]
+    pub fn slope_by_melt<S: Sink>(&self, row: Var, cell: usize, out: &mut S) {
+        let by_x = self.cells[cell].melt_by_x;
+        if self.melt_shape.depends_on_bedrock() {
+            self.slope_by_place(row, cell, by_x, out);
+        } else {
+            out.slope(row, Var::L, by_x * self.chi(cell));
+        }
     }
 
     /// W at a node: mean of the two neighbours, the nearest cell's at the ends; m.
     #[inline]
     pub fn node_width(&self, node: usize) -> f64 {
-        node_mean(self.widths, node)
+        let [left, right] = self.beside(node);
+        0.5 * (self.cells[left].width + self.cells[right].width)
     }
 
-    /// ∂W/∂L at a node at fixed χ.
+    /// Slopes of a row that depends on the place of a cell, X₀ + χL, by ∂(row)/∂x.
     #[inline]
-    pub fn node_width_by_length(&self, node: usize) -> f64 {
-        node_mean(self.widths_by_length, node)
+    pub fn slope_by_place<S: Sink>(&self, row: Var, cell: usize, by_x: f64, out: &mut S) {
+        out.slope(row, Var::L, by_x * self.chi(cell));
+        if self.terminus.is_coupled {
+            out.slope(row, Var::Calving, by_x * self.terminus.x_by_calving_a());
+        }
     }
-}
 
-#[inline]
-fn node_mean(cells: &[f64], node: usize) -> f64 {
-    let n = cells.len();
-    0.5 * (cells[node.saturating_sub(1)] + cells[node.min(n - 1)])
+    /// Slopes of a row that depends on a node's width, by ∂(row)/∂W.
+    #[inline]
+    pub fn slope_by_node_width<S: Sink>(&self, row: Var, node: usize, by_w: f64, out: &mut S) {
+        for cell in self.beside(node) {
+            self.slope_by_place(row, cell, 0.5 * by_w * self.cells[cell].width_by_x, out);
+        }
+    }
+
+    /// χ of a cell's centre.
+    #[inline]
+    fn chi(&self, cell: usize) -> f64 {
+        (cell as f64 + 0.5) / self.cells.len() as f64
+    }
+
+    /// The cells to the left and right of a node; the nearest cell twice at the ends.
+    #[inline]
+    fn beside(&self, node: usize) -> [usize; 2] {
+        [node.saturating_sub(1), node.min(self.cells.len() - 1)]
+    }
 }
 
 /// √(P̃/ρ)/(d b) in a⁻¹: the unit of g_loc (Eq. 17), with P̃ of Eq. 5 (sign as in the text).
@@ -89,12 +137,14 @@ pub struct Problem<'a> {
     pub parameters: &'a Parameters,
     /// The fjord.
     pub fjord: &'a Fjord,
+    /// How the melt rate is spread.
+    pub melt_shape: &'a MeltShape,
     /// The closure at the terminus.
     pub closure: UpstreamClosure,
     /// Mass balance: steady, one time step, or given geometry.
     pub balance: MassBalance<'a>,
-    /// X₀, the terminus' position along the bedrock, m.
-    pub terminus_x_m: f64,
+    /// Where the terminus stands and how it moves.
+    pub advance: Advance,
     /// ε of the smoothed kinks; 0 is the model.
     pub smoothing: f64,
     /// Pseudo-time of the fluidity; none in the model.
@@ -105,8 +155,7 @@ pub struct Problem<'a> {
 #[derive(Debug, Clone)]
 pub struct Scratch {
     state: State,
-    widths: Vec<f64>,
-    widths_by_length: Vec<f64>,
+    cells: Vec<Cell>,
     sections: Vec<Section>,
     speeds: Vec<MeanSpeed>,
 }
@@ -117,8 +166,7 @@ impl Scratch {
         let section = Section { mu_w: 0.0, thickness_m: 0.0, width_m: 0.0 };
         Self {
             state: State::zeros(n_cells),
-            widths: vec![0.0; n_cells],
-            widths_by_length: vec![0.0; n_cells],
+            cells: vec![Cell::default(); n_cells],
             sections: vec![section; n_cells + 1],
             speeds: vec![MeanSpeed::default(); n_cells + 1],
         }
@@ -139,58 +187,74 @@ impl<'a> Equations<'a> {
     }
 
     fn assemble<S: Sink>(&mut self, packed: &[f64], out: &mut S) -> Result<(), OutsideDomain> {
-        let Scratch { state, widths, widths_by_length, sections, speeds } = &mut *self.scratch;
+        let Scratch { state, cells, sections, speeds } = &mut *self.scratch;
         let problem = &self.problem;
+        let p = problem.parameters;
         state.unpack(packed);
-        let n = state.n_cells();
-        for c in 0..n {
-            let chi = (c as f64 + 0.5) / n as f64;
-            let x = problem.terminus_x_m + chi * state.length_m;
-            widths[c] = problem.fjord.width(x);
-            widths_by_length[c] = problem.fjord.slope(x) * chi;
-        }
-        let medium = Medium {
-            parameters: problem.parameters,
-            closure: problem.closure,
-            smoothing: problem.smoothing,
-            relaxation: problem.relaxation,
-            widths,
-            widths_by_length,
-        };
-        let ends = [0.0, state.length_m].map(|x| problem.fjord.width(problem.terminus_x_m + x));
-        if !inside_domain(state, &ends) {
+        if !inside_domain(state) {
             return Err(OutsideDomain);
         }
+        let terminus = Terminus::at(&problem.advance, p, state, out).ok_or(OutsideDomain)?;
+        let fjord = problem.fjord;
+        if [0.0, state.length_m].iter().any(|x| fjord.width(terminus.x_m + x) <= 0.0) {
+            return Err(OutsideDomain);
+        }
+        for (c, cell) in cells.iter_mut().enumerate() {
+            let chi = (c as f64 + 0.5) / state.n_cells() as f64;
+            let place = Place { chi, x_m: chi * state.length_m, terminus_x_m: terminus.x_m };
+            let x_m = terminus.x_m + place.x_m;
+            *cell = Cell {
+                width: fjord.width(x_m),
+                width_by_x: fjord.slope(x_m),
+                melt: p.melt_rate_m_per_a() * problem.melt_shape.factor(place),
+                melt_by_x: p.melt_rate_m_per_a() * problem.melt_shape.slope_by_x(place),
+            };
+        }
+        let medium = Medium {
+            parameters: p,
+            closure: problem.closure,
+            terminus,
+            smoothing: problem.smoothing,
+            relaxation: problem.relaxation,
+            cells,
+            melt_shape: problem.melt_shape,
+        };
         sidewall::sections(&medium, state, sections);
-        sidewall::mean_speeds(problem.parameters, sections, speeds);
+        sidewall::mean_speeds(p, sections, speeds);
         momentum::residual(&medium, state, out);
         sidewall::residual(&medium, state, speeds, out);
         fluidity::residual(&medium, state, out);
-        if let MassBalance::Given { thickness_m, length_m } = problem.balance {
-            continuity::given(thickness_m, length_m, state, out);
-        } else {
-            let before = problem.balance.before();
-            closure::first_row(&medium, before, state, out);
-            continuity::residual(&medium, before, state, out);
+        match problem.balance {
+            MassBalance::Steady => continuity::residual(&medium, None, state, out),
+            MassBalance::Step(before) => continuity::residual(&medium, Some(before), state, out),
+            MassBalance::Given { thickness_m, length_m } => {
+                continuity::given(thickness_m, length_m, state, out);
+            }
+            MassBalance::AtRest(size) => quasi_static::residual(&medium, size, state, out),
         }
         Ok(())
     }
 
     fn rows(&self) -> RowScales {
-        let given = matches!(self.problem.balance, MassBalance::Given { .. });
+        let [first_mass, mass, length] = match self.problem.balance {
+            MassBalance::Steady | MassBalance::Step(_) => {
+                [self.problem.closure.scale(), scale::MASS_BALANCE, scale::THICKNESS]
+            }
+            MassBalance::Given { .. } => [scale::THICKNESS, scale::THICKNESS, scale::LENGTH],
+            MassBalance::AtRest(size) => [size.scale(), scale::VELOCITY, scale::THICKNESS],
+        };
         RowScales {
             n: self.scratch.state.n_cells(),
-            first_mass: 1.0 / if given { scale::THICKNESS } else { self.problem.closure.scale() },
-            mass: 1.0 / if given { scale::THICKNESS } else { scale::MASS_BALANCE },
-            length: 1.0 / if given { scale::LENGTH } else { scale::THICKNESS },
+            first_mass: 1.0 / first_mass,
+            mass: 1.0 / mass,
+            length: 1.0 / length,
         }
     }
 }
 
-/// L, H, g, g + ε̇ are positive, and so are width and extrapolated thickness at both ends.
-fn inside_domain(s: &State, widths_at_ends: &[f64]) -> bool {
+/// L, H, g, g + ε̇ are positive, and so is the extrapolated thickness at both ends.
+fn inside_domain(s: &State) -> bool {
     s.length_m > 0.0
-        && widths_at_ends.iter().all(|w| *w > 0.0)
         && s.thickness_m.iter().all(|h| *h > 0.0)
         && s.thickness_0_m() > 0.0
         && s.thickness_end_m() > 0.0
@@ -213,14 +277,14 @@ impl RowScales {
     #[inline]
     fn inverse_of(&self, row: Var) -> f64 {
         match row {
-            Var::U(0) | Var::Mu(_) => 1.0 / scale::VELOCITY,
+            Var::U(0) | Var::Mu(_) | Var::Calving => 1.0 / scale::VELOCITY,
             Var::U(j) if j == self.n => 1.0 / scale::VELOCITY,
             Var::U(_) => 1.0 / scale::MOMENTUM,
             Var::G(c) if c == 0 || c + 1 == self.n => 1.0 / scale::FLUIDITY,
             Var::G(_) => 1.0 / scale::FLUIDITY_CURVATURE,
             Var::H(0) => self.first_mass,
             Var::H(_) => self.mass,
-            Var::L(_) => self.length,
+            Var::L => self.length,
         }
     }
 }
@@ -233,7 +297,7 @@ struct ResidualOnly<'a> {
 impl Sink for ResidualOnly<'_> {
     #[inline]
     fn residual(&mut self, row: Var, value: f64) {
-        self.residual[row.index()] = value * self.rows.inverse_of(row);
+        write(self.rows, self.residual, row, value);
     }
 
     #[inline]
@@ -249,17 +313,26 @@ struct WithJacobian<'a> {
 impl Sink for WithJacobian<'_> {
     #[inline]
     fn residual(&mut self, row: Var, value: f64) {
-        self.residual[row.index()] = value * self.rows.inverse_of(row);
+        write(self.rows, self.residual, row, value);
     }
 
     #[inline]
     fn slope(&mut self, row: Var, by: Var, value: f64) {
         let scaled = value * (by.scale() * self.rows.inverse_of(row));
-        self.jacobian.add(row.index(), by.index(), scaled);
+        self.jacobian.add(row, by, scaled);
+    }
+}
+
+#[inline]
+fn write(rows: RowScales, residual: &mut [f64], row: Var, value: f64) {
+    if let Some(place) = row.index(rows.n) {
+        residual[place] = value * rows.inverse_of(row);
     }
 }
 
 impl System for Equations<'_> {
+    type Jacobian = Jacobian;
+
     fn unknowns(&self) -> usize {
         unknowns(self.scratch.state.n_cells())
     }
@@ -291,15 +364,19 @@ impl System for Equations<'_> {
                 longest = longest.min(TOWARDS_BOUND * room / shrink);
             }
         };
-        for c in 0..n {
-            for var in [Var::H(c), Var::G(c)] {
-                bound(x[var.index()], -step[var.index()]);
+        let mut keep_positive = |var: Var| {
+            if let Some(place) = var.index(n) {
+                bound(x[place], -step[place]);
             }
+        };
+        for c in 0..n {
+            keep_positive(Var::H(c));
+            keep_positive(Var::G(c));
         }
-        bound(x[Var::L(n).index()], -step[Var::L(n).index()]);
-        for j in 0..=n {
-            let mu = x[Var::Mu(j).index()];
-            bound(mu.abs() - threshold, -step[Var::Mu(j).index()] * mu.signum());
+        keep_positive(Var::L);
+        let mu_w = core_unknowns(n);
+        for (mu, step) in x[mu_w..].iter().zip(&step[mu_w..]) {
+            bound(mu.abs() - threshold, -step * mu.signum());
         }
         longest
     }

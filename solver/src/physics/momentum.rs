@@ -1,6 +1,7 @@
 //! Width-integrated balance of stresses: residual and Jacobian rows. Knows no other equation.
 
 use super::{Medium, Sink};
+use crate::params::{GRAVITY, ICE_DENSITY, WATER_DENSITY};
 use crate::state::{State, Var};
 
 /// Longitudinal stress H²ε̇/(g + ε̇) of a cell (C3) and its slopes.
@@ -22,7 +23,13 @@ fn stress(s: &State, c: usize) -> Stress {
     }
 }
 
-/// Stress balance, Eq. 21 as C2, divided by ρg(1 − ρ/ρ_w)/2 · 2; rows of the nodes, in m.
+/// ρg(1 − ρ/ρ_w) = 971.34 N m⁻³, by which the stress balance is divided.
+pub const STRESS_UNIT_N_PER_M3: f64 = ICE_DENSITY * GRAVITY * (1.0 - ICE_DENSITY / WATER_DENSITY);
+
+/// Stress balance, Eq. 21 as C2, divided by ρg(1 − ρ/ρ_w); rows of the nodes, in m.
+///
+/// Drag of the water, D in N per metre of width over the whole length, acts against the down-fjord
+/// motion as D/L per area: D/(ρg(1 − ρ/ρ_w)L) in these units.
 ///
 /// Node 0 carries Eq. 22, U₀H₀ = U_cH_t with H₀ extrapolated; node N carries Eq. 23. The sign of
 /// Eq. 21's last term is that of μ_w, which is signed like the velocity relative to the walls.
@@ -31,12 +38,17 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
     let n = s.n_cells();
     let dx = s.dx_m();
     let h0 = s.thickness_0_m();
-    let inflow = m.parameters.calving_flux_m2_per_a() / h0;
+    let (flux, flux_by_calving) = m.terminus.flux_m2_per_a();
+    let inflow = flux / h0;
     out.residual(Var::U(0), s.velocity_m_per_a[0] - inflow);
     out.slope(Var::U(0), Var::U(0), 1.0);
     out.slope(Var::U(0), Var::H(0), 1.5 * inflow / h0);
     out.slope(Var::U(0), Var::H(1), -0.5 * inflow / h0);
+    if m.terminus.is_coupled {
+        out.slope(Var::U(0), Var::Calving, -flux_by_calving / h0);
+    }
 
+    let water = m.parameters.water_drag_n_per_m / (STRESS_UNIT_N_PER_M3 * s.length_m);
     let mut left = stress(s, 0);
     for j in 1..n {
         let row = Var::U(j);
@@ -48,7 +60,7 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
         let pull = (right.value - left.value) / dx;
         let slope = mean_h * (h_right - h_left) / dx;
         let drag = mean_h * mean_h * mu / mean_w;
-        out.residual(row, pull - slope - drag);
+        out.residual(row, pull - slope - drag - water);
 
         out.slope(row, Var::U(j - 1), left.by_strain / (dx * dx));
         out.slope(row, Var::U(j), -(left.by_strain + right.by_strain) / (dx * dx));
@@ -62,9 +74,8 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
         let strain_left = s.strain_rate_per_a(j - 1);
         let strain_right = s.strain_rate_per_a(j);
         let stretch = (right.by_strain * strain_right - left.by_strain * strain_left) / dx;
-        let by_l =
-            (slope - pull - stretch) / s.length_m + drag / mean_w * m.node_width_by_length(j);
-        out.slope(row, Var::L(n), by_l);
+        out.slope(row, Var::L, (slope - pull - stretch + water) / s.length_m);
+        m.slope_by_node_width(row, j, drag / mean_w, out);
         left = right;
     }
 

@@ -234,24 +234,33 @@ pub fn sections(m: &Medium, s: &State, out: &mut [Section]) {
     }
 }
 
+/// The cells whose thickness a node's transect has: its neighbours, the last two of an end.
+#[inline]
+pub(super) fn cells_beside(node: usize, n_cells: usize) -> [usize; 2] {
+    match node {
+        0 => [0, 1],
+        _ if node == n_cells => [n_cells - 1, n_cells - 2],
+        _ => [node - 1, node],
+    }
+}
+
 /// ū(μ_w) − (U + U_t − U_c) = 0, Eq. 26 as C6; rows of the nodes, in m a⁻¹.
 ///
 /// `speeds`: \[N+1\], of the state's [`sections`].
 pub fn residual<S: Sink>(m: &Medium, s: &State, speeds: &[MeanSpeed], out: &mut S) {
     let n = s.n_cells();
-    let walls = m.parameters.terminus_velocity_m_per_a - m.parameters.calving_rate_m_per_a;
     for (j, mean) in speeds.iter().enumerate() {
         let row = Var::Mu(j);
-        out.residual(row, mean.speed - (s.velocity_m_per_a[j] + walls));
+        out.residual(row, mean.speed - (s.velocity_m_per_a[j] + m.terminus.advance_m_per_a));
         out.slope(row, Var::U(j), -1.0);
         out.slope(row, Var::Mu(j), mean.by_mu);
-        out.slope(row, Var::L(n), mean.by_w * m.node_width_by_length(j));
-        let (near, far) = match j {
-            0 => ((0, 1.5), (1, -0.5)),
-            _ if j == n => ((n - 1, 1.5), (n - 2, -0.5)),
-            _ => ((j - 1, 0.5), (j, 0.5)),
-        };
-        out.slope(row, Var::H(near.0), mean.by_h * near.1);
-        out.slope(row, Var::H(far.0), mean.by_h * far.1);
+        let shares = if j == 0 || j == n { [1.5, -0.5] } else { [0.5, 0.5] };
+        for (cell, share) in cells_beside(j, n).into_iter().zip(shares) {
+            out.slope(row, Var::H(cell), mean.by_h * share);
+        }
+        m.slope_by_node_width(row, j, mean.by_w, out);
+        if m.terminus.is_coupled {
+            out.slope(row, Var::Calving, 1.0);
+        }
     }
 }

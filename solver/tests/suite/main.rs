@@ -1,8 +1,12 @@
 //! Tests of the solver: each equation against differences, the linear algebra against a dense solve,
 //! whole solves against published numbers.
 
+mod fjord;
+mod forcing;
+mod interpolate;
 mod jacobian;
 mod linear_algebra;
+mod melt;
 mod parameters;
 mod reference;
 mod roots;
@@ -27,8 +31,8 @@ fn converged(verdict: SteadyVerdict) -> Solution {
     }
 }
 
-fn steady(model: Model) -> Solution {
-    converged(Solver::new(model).steady(None).expect("the solve ends in a verdict"))
+fn steady(model: &Model) -> Solution {
+    converged(Solver::new(model.clone()).steady(None).expect("the solve ends in a verdict"))
 }
 
 fn assert_close(what: &str, got: f64, expected: f64, relative: f64) {

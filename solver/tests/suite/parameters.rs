@@ -33,10 +33,3 @@ fn icebergs_thicker_than_the_terminus_are_refused() {
     let error = Model::new(p, UpstreamClosure::Published).expect_err("d > H_t");
     assert!(error.to_string().contains("terminus_thickness_m = 600"), "{error}");
 }
-
-#[test]
-fn water_drag_is_refused_until_it_is_there() {
-    let p = Parameters { water_drag_n_per_m: 1e3, ..Parameters::default() };
-    let error = Model::new(p, UpstreamClosure::Published).expect_err("not there yet");
-    assert!(error.to_string().contains("not there yet"), "{error}");
-}

@@ -8,7 +8,7 @@ use melange_solver::steady::SteadyVerdict;
 #[test]
 fn the_base_case_ends_on_the_right_root() {
     let m = model(|_| ());
-    let solution = steady(m);
+    let solution = steady(&m);
     assert_close("H0", solution.state.thickness_0_m(), 149.415357782, 1e-10);
     assert_close("L", solution.state.length_m, 12_048.003906789, 1e-10);
     assert_eq!(yielding_fraction(&m, &solution.state), 1.0);
@@ -19,7 +19,7 @@ fn the_base_case_ends_on_the_right_root() {
 fn walking_through_neighbours_up_or_down_does_not_change_the_answer() {
     let melts: Vec<f64> = (0..=20).map(|i| 0.5 + 0.5 * i as f64 / 20.0).collect();
     let cold: Vec<_> =
-        melts.iter().map(|melt| steady(model(|p| p.melt_rate_m_per_day = *melt)).state).collect();
+        melts.iter().map(|melt| steady(&model(|p| p.melt_rate_m_per_day = *melt)).state).collect();
     for down in [false, true] {
         let mut solver = Solver::new(model(|_| ()));
         let mut near = None;
@@ -53,7 +53,7 @@ fn roots_that_end_on_a_kink_are_passed() {
         let m = model(|p| {
             (p.melt_rate_m_per_day, p.width_m, p.width_gradient) = (melt, width, gradient);
         });
-        let cold = steady(m);
+        let cold = steady(&m);
         assert!(cold.residual_norm < 1e-9);
         let near = model(|p| {
             (p.melt_rate_m_per_day, p.width_m, p.width_gradient) = (melt * 0.99, width, gradient);
@@ -63,7 +63,7 @@ fn roots_that_end_on_a_kink_are_passed() {
         let SteadyVerdict::Converged { first_level, .. } = verdict else {
             panic!("the neighbour has a steady state");
         };
-        solver.retarget(m);
+        solver.retarget(m.clone());
         let warm = converged(solver.steady(Some(&first_level)).expect("a verdict"));
         assert_close("H0", warm.state.thickness_0_m(), cold.state.thickness_0_m(), 1e-9);
     }
@@ -82,8 +82,8 @@ fn a_neighbour_changes_neither_verdict_nor_root() {
                     (p.d_m, p.calving_rate_m_per_a, p.n_cells) = (d, calving, 20);
                     (p.width_m, p.melt_rate_m_per_day) = (width, melt);
                 });
-                let cold = Solver::new(m).steady(None).expect("a verdict");
-                let warm = Solver::new(m).steady(near.as_ref()).expect("a verdict");
+                let cold = Solver::new(m.clone()).steady(None).expect("a verdict");
+                let warm = Solver::new(m.clone()).steady(near.as_ref()).expect("a verdict");
                 match (cold, warm) {
                     (
                         SteadyVerdict::Converged { solution: cold, .. },

@@ -11,21 +11,21 @@ use melange_solver::{Model, Solver};
 use std::ops::ControlFlow;
 
 fn verdict(m: Model) -> SteadyVerdict {
-    Solver::new(m).steady(None).expect("the solve ends in a verdict")
+    Solver::new(m.clone()).steady(None).expect("the solve ends in a verdict")
 }
 
 #[test]
 fn strong_melt_in_a_wide_fjord_has_no_steady_state() {
     let m = model(|p| (p.melt_rate_m_per_day, p.width_m) = (1.8, 7000.0));
-    assert!(matches!(verdict(m), SteadyVerdict::NoSteadyState(_)));
+    assert!(matches!(verdict(m.clone()), SteadyVerdict::NoSteadyState(_)));
     let m = model(|p| (p.calving_rate_m_per_a, p.terminus_velocity_m_per_a) = (0.0, 0.0));
-    assert!(matches!(verdict(m), SteadyVerdict::NoSteadyState(_)));
+    assert!(matches!(verdict(m.clone()), SteadyVerdict::NoSteadyState(_)));
 }
 
 #[test]
 fn little_melt_in_a_narrow_fjord_is_overthick() {
     let m = model(|p| (p.melt_rate_m_per_day, p.width_m) = (0.3, 2500.0));
-    assert!(matches!(verdict(m), SteadyVerdict::Overthick(_)));
+    assert!(matches!(verdict(m.clone()), SteadyVerdict::Overthick(_)));
 }
 
 /// Short and thick is not collapsed: icebergs a third as thick as the glacier in a narrow fjord.
@@ -34,9 +34,9 @@ fn a_short_thick_melange_is_not_taken_for_a_collapsed_one() {
     let m = model(|p| {
         (p.d_m, p.melt_rate_m_per_day, p.width_m, p.n_cells) = (200.0, 1.85, 1750.0, 20);
     });
-    assert!(matches!(verdict(m), SteadyVerdict::Converged { .. }));
+    assert!(matches!(verdict(m.clone()), SteadyVerdict::Converged { .. }));
     for m in [model(|p| p.b = 1e8), model(|p| p.d_m = 599.0), model(|p| p.width_m = 10.0)] {
-        assert!(matches!(verdict(m), SteadyVerdict::Overthick(_)), "{:?}", m.parameters());
+        assert!(matches!(verdict(m.clone()), SteadyVerdict::Overthick(_)), "{:?}", m.parameters());
     }
 }
 
@@ -47,7 +47,7 @@ fn a_retreating_terminus_ends_overthick() {
         let m = model(|p| {
             (p.calving_rate_m_per_a, p.terminus_velocity_m_per_a) = (calving, terminus);
         });
-        assert!(matches!(verdict(m), SteadyVerdict::Overthick(_)), "{calving} {terminus}");
+        assert!(matches!(verdict(m.clone()), SteadyVerdict::Overthick(_)), "{calving} {terminus}");
     }
 }
 
@@ -56,7 +56,7 @@ fn a_terminus_that_retreats_to_where_the_walls_meet_is_not_called_collapsed() {
     let m = model(|p| {
         (p.terminus_velocity_m_per_a, p.width_gradient, p.n_cells) = (0.0, 0.1, 20);
     });
-    let mut solver = Solver::new(m);
+    let mut solver = Solver::new(m.clone());
     let start = solver.diagnostic(&wedge(&m, 75.0), 1e4).expect("a start");
     let mut go_on = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
     let plan = FixedSteps { dt_a: 0.05, count: 200 };
@@ -68,7 +68,7 @@ fn a_terminus_that_retreats_to_where_the_walls_meet_is_not_called_collapsed() {
 #[test]
 fn the_printed_closure_is_refused_for_a_steady_state() {
     let m = Model::new(Parameters::default(), UpstreamClosure::Printed).expect("parameters");
-    let error = Solver::new(m).steady(None).expect_err("a family of states");
+    let error = Solver::new(m.clone()).steady(None).expect_err("a family of states");
     assert!(matches!(error, SolveError::ClosureLeavesFamily { closure: "printed" }));
 }
 
@@ -87,7 +87,7 @@ fn a_transient_past_the_critical_melt_collapses_at_a_time() {
     let m = model(|p| {
         (p.melt_rate_m_per_day, p.width_m, p.n_cells) = (1.8, 7000.0, 20);
     });
-    let mut solver = Solver::new(m);
+    let mut solver = Solver::new(m.clone());
     let start = solver.diagnostic(&wedge(&m, 75.0), 1e4).expect("a start");
     let mut moments = 0;
     let mut last_length = f64::INFINITY;
@@ -106,8 +106,8 @@ fn a_transient_past_the_critical_melt_collapses_at_a_time() {
 #[test]
 fn a_transient_stays_on_its_steady_state() {
     let m = model(|p| p.n_cells = 20);
-    let mut solver = Solver::new(m);
-    let start = crate::steady(m).state;
+    let mut solver = Solver::new(m.clone());
+    let start = crate::steady(&m).state;
     let plan = FixedSteps { dt_a: 0.1, count: 20 };
     let mut ignore = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
     let end = solver.transient(start.clone(), plan, &mut ignore).expect("twenty steps");
@@ -118,8 +118,8 @@ fn a_transient_stays_on_its_steady_state() {
 #[test]
 fn an_observer_stops_a_transient() {
     let m = model(|p| p.n_cells = 20);
-    let mut solver = Solver::new(m);
-    let start = crate::steady(m).state;
+    let mut solver = Solver::new(m.clone());
+    let start = crate::steady(&m).state;
     let plan = FixedSteps { dt_a: 0.1, count: 20 };
     let mut stop = |moment: melange_solver::observe::Moment<'_>| {
         if moment.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
