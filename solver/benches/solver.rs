@@ -5,7 +5,7 @@ use melange_solver::diagnostic::wedge;
 use melange_solver::params::Parameters;
 use melange_solver::physics::closure::UpstreamClosure;
 use melange_solver::steady::SteadyVerdict;
-use melange_solver::transient::FixedSteps;
+use melange_solver::transient::Plan;
 use melange_solver::{Model, Solver};
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -29,9 +29,9 @@ fn benches(c: &mut Criterion) {
     c.bench_function("diagnostic", |b| b.iter(|| black_box(solver.diagnostic(&thickness, 1e4))));
     c.bench_function("ten implicit steps", |b| {
         b.iter(|| {
-            let plan = FixedSteps { dt_a: 0.01, count: 10 };
+            let plan = Plan::fixed(0.01, 10);
             let mut go_on = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
-            black_box(solver.transient(solution.state.clone(), plan, &mut go_on))
+            black_box(solver.transient(solution.state.clone(), &plan, &mut go_on))
         });
     });
 }

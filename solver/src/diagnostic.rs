@@ -76,7 +76,7 @@ impl Solver {
     }
 
     /// Plug flow at the inflow's speed, with the friction and the local fluidity that belong to it.
-    fn guess(&self, thickness_m: &[f64], length_m: f64) -> Result<State, SolveError> {
+    pub(crate) fn guess(&self, thickness_m: &[f64], length_m: f64) -> Result<State, SolveError> {
         let p = self.model.parameters();
         let n = p.n_cells;
         if thickness_m.len() != n {

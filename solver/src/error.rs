@@ -31,6 +31,23 @@ pub enum SolveError {
         /// Residual norms of the last attempt, oldest first.
         history: Vec<f64>,
     },
+    /// The mélange lies, in part, where a table says nothing.
+    #[error(
+        "the mélange reaches from x = {from_x_m:.0} m to {to_x_m:.0} m, and the table of `{table}` from \
+         {first_x_m:.0} m to {last_x_m:.0} m: extend the table, or hold it constant beyond its ends"
+    )]
+    BeyondTable {
+        /// Which one.
+        table: &'static str,
+        /// Its first x along the bedrock, m.
+        first_x_m: f64,
+        /// Its last x, m.
+        last_x_m: f64,
+        /// X₀, m.
+        from_x_m: f64,
+        /// The mélange's end, m.
+        to_x_m: f64,
+    },
     /// The closure at the terminus does not single out a steady state.
     #[error("closure `{closure}` leaves a family of steady states; it serves transients only")]
     ClosureLeavesFamily {

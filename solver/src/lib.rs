@@ -45,9 +45,11 @@ pub mod newton;
 pub mod observe;
 pub mod params;
 pub mod physics;
+pub mod quasi_static;
 mod smoothing;
 pub mod state;
 pub mod steady;
+mod timestep;
 pub mod transient;
 
 use error::SolveError;
@@ -107,6 +109,29 @@ impl Model {
     /// How the melt rate is spread along the mélange.
     pub fn melt_shape(&self) -> &MeltShape {
         &self.melt_shape
+    }
+
+    /// Whether the tables of fjord and melt reach as far as a mélange of length L at X₀, in m.
+    pub fn check_reach(&self, terminus_x_m: f64, length_m: f64) -> Result<(), SolveError> {
+        let from_terminus =
+            self.fjord.reach().map(|(first, last)| (first - terminus_x_m, last - terminus_x_m));
+        for (table, reach) in
+            [("fjord", from_terminus), ("melt_shape", self.melt_shape.reach(terminus_x_m))]
+        {
+            if let Some((first_m, last_m)) = reach
+                && (first_m > 0.0 || last_m < length_m)
+            {
+                let to_x_m = |x: f64| x + terminus_x_m;
+                return Err(SolveError::BeyondTable {
+                    table,
+                    first_x_m: to_x_m(first_m),
+                    last_x_m: to_x_m(last_m),
+                    from_x_m: terminus_x_m,
+                    to_x_m: to_x_m(length_m),
+                });
+            }
+        }
+        Ok(())
     }
 
     /// The closure at the terminus.

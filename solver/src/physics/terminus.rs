@@ -62,6 +62,19 @@ impl Advance {
     pub fn fixed(terminus_x_m: f64) -> Self {
         Self { from_x_m: terminus_x_m, step_a: 0.0, law: None }
     }
+
+    /// The terminus at a state that solves the step.
+    pub fn terminus(&self, p: &Parameters, s: &State) -> Option<Terminus> {
+        Terminus::at(self, p, s, &mut Nowhere)
+    }
+}
+
+/// Takes no slopes.
+struct Nowhere;
+
+impl Sink for Nowhere {
+    fn residual(&mut self, _: Var, _: f64) {}
+    fn slope(&mut self, _: Var, _: Var, _: f64) {}
 }
 
 /// The terminus at the state in hand.

@@ -8,9 +8,11 @@ mod jacobian;
 mod linear_algebra;
 mod melt;
 mod parameters;
+mod quasi_static;
 mod reference;
 mod roots;
 mod sidewall;
+mod transients;
 mod verdicts;
 
 use melange_solver::params::Parameters;

@@ -11,7 +11,7 @@ use melange_solver::physics::continuity::{Before, MassBalance};
 use melange_solver::physics::terminus::Advance;
 use melange_solver::physics::{Equations, Problem, Scratch};
 use melange_solver::state::{State, Var, unknowns};
-use melange_solver::transient::FixedSteps;
+use melange_solver::transient::Plan;
 use melange_solver::{Model, Solver, force};
 use serde_json::Value;
 use std::ops::ControlFlow;
@@ -110,8 +110,8 @@ fn diagnostic_solve_and_time_steps_equal_the_published_codes() {
             }
             ControlFlow::Continue(())
         };
-        let plan = FixedSteps { dt_a: 0.01, count: 4 };
-        let end = solver.transient(start.state, plan, &mut check).expect("four steps");
+        let plan = Plan::fixed(0.01, 4);
+        let end = solver.transient(start.state, &plan, &mut check).expect("four steps");
         assert_eq!(end.divided_steps, 0);
         assert_eq!(seen, 4);
     }

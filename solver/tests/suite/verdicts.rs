@@ -6,7 +6,7 @@ use melange_solver::error::SolveError;
 use melange_solver::params::Parameters;
 use melange_solver::physics::closure::UpstreamClosure;
 use melange_solver::steady::SteadyVerdict;
-use melange_solver::transient::{Ending, FixedSteps};
+use melange_solver::transient::{Ending, Plan};
 use melange_solver::{Model, Solver};
 use std::ops::ControlFlow;
 
@@ -59,8 +59,8 @@ fn a_terminus_that_retreats_to_where_the_walls_meet_is_not_called_collapsed() {
     let mut solver = Solver::new(m.clone());
     let start = solver.diagnostic(&wedge(&m, 75.0), 1e4).expect("a start");
     let mut go_on = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
-    let plan = FixedSteps { dt_a: 0.05, count: 200 };
-    let end = solver.transient(start.state, plan, &mut go_on).expect("a verdict");
+    let plan = Plan::fixed(0.05, 200);
+    let end = solver.transient(start.state, &plan, &mut go_on).expect("a verdict");
     assert_eq!(end.ending, Ending::FjordClosed);
     assert!((end.time_a - 4000.0 / 0.1 / 6000.0).abs() < 0.05, "{}", end.time_a);
 }
@@ -96,8 +96,8 @@ fn a_transient_past_the_critical_melt_collapses_at_a_time() {
         last_length = moment.state.length_m;
         ControlFlow::Continue(())
     };
-    let plan = FixedSteps { dt_a: 0.01, count: 1000 };
-    let end = solver.transient(start.state, plan, &mut watch).expect("a verdict");
+    let plan = Plan::fixed(0.01, 1000);
+    let end = solver.transient(start.state, &plan, &mut watch).expect("a verdict");
     assert_eq!(end.ending, Ending::Collapsed);
     assert!(end.time_a > 0.0 && end.time_a < 10.0, "{}", end.time_a);
     assert!(moments < 1000 && last_length < 1000.0, "{moments} {last_length}");
@@ -108,9 +108,9 @@ fn a_transient_stays_on_its_steady_state() {
     let m = model(|p| p.n_cells = 20);
     let mut solver = Solver::new(m.clone());
     let start = crate::steady(&m).state;
-    let plan = FixedSteps { dt_a: 0.1, count: 20 };
+    let plan = Plan::fixed(0.1, 20);
     let mut ignore = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
-    let end = solver.transient(start.clone(), plan, &mut ignore).expect("twenty steps");
+    let end = solver.transient(start.clone(), &plan, &mut ignore).expect("twenty steps");
     assert_eq!(end.ending, Ending::Completed);
     crate::assert_close("H0", end.state.thickness_0_m(), start.thickness_0_m(), 1e-9);
 }
@@ -120,10 +120,10 @@ fn an_observer_stops_a_transient() {
     let m = model(|p| p.n_cells = 20);
     let mut solver = Solver::new(m.clone());
     let start = crate::steady(&m).state;
-    let plan = FixedSteps { dt_a: 0.1, count: 20 };
+    let plan = Plan::fixed(0.1, 20);
     let mut stop = |moment: melange_solver::observe::Moment<'_>| {
         if moment.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let error = solver.transient(start, plan, &mut stop).expect_err("stopped");
+    let error = solver.transient(start, &plan, &mut stop).expect_err("stopped");
     assert!(matches!(error, SolveError::Stopped { time_a } if (time_a - 0.3).abs() < 1e-12));
 }
