@@ -51,6 +51,7 @@ impl Solver {
         length_m: f64,
     ) -> Result<Solution, SolveError> {
         self.iterations = 0;
+        self.model.check_reach(0.0, length_m)?;
         self.diagnostic_at(thickness_m, length_m, &LEVELS[..1])?;
         let root =
             self.follow(Task::new(MassBalance::Given { thickness_m, length_m }), LEVELS[0])?;

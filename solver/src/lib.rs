@@ -33,11 +33,13 @@
 //! 8. W is read at the bedrock position X₀ + χL, so that the walls stay where they are when the
 //!    terminus moves; the same for a fixed terminus.
 
+pub mod diagnose;
 pub mod diagnostic;
 pub mod error;
 pub mod fjord;
 pub mod force;
 pub mod forcing;
+pub mod grid_error;
 pub mod interpolate;
 pub mod linalg;
 pub mod melt;
@@ -50,6 +52,7 @@ mod smoothing;
 pub mod state;
 pub mod steady;
 mod timestep;
+pub mod transect;
 pub mod transient;
 
 use error::SolveError;
@@ -84,10 +87,10 @@ impl Model {
         Ok(Self { parameters, fjord, melt_shape: MeltShape::default(), closure })
     }
 
-    /// The same in another fjord, which replaces width and gradient.
+    /// The same in another fjord, of which the parameters tell the width at x = 0 and the mean gradient.
     pub fn in_fjord(mut self, fjord: Fjord) -> Self {
         self.parameters.width_m = fjord.width(0.0);
-        self.parameters.width_gradient = fjord.slope(0.0);
+        self.parameters.width_gradient = fjord.mean_gradient();
         Self { fjord, ..self }
     }
 

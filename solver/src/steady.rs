@@ -269,6 +269,7 @@ impl Solver {
             Err(verdict) => return Ok(verdict),
         };
         let solution = self.solution(root);
+        self.model.check_reach(0.0, solution.state.length_m)?;
         let h0 = solution.state.thickness_0_m();
         if h0 >= p.terminus_thickness_m {
             return Ok(SteadyVerdict::Overthick(format!(
