@@ -107,12 +107,17 @@ impl Caveat {
         }
     }
 
+    /// Whether a strain rate in a⁻¹ counts as compression.
+    pub fn compressed(p: &Parameters, strain_rate_per_a: f64) -> bool {
+        strain_rate_per_a < COMPRESSION * p.strain_rate_regularisation_per_a
+    }
+
     /// All that hold of a state.
     pub fn of(model: &Model, s: &State, terminus_x_m: f64) -> Vec<Self> {
         let p = model.parameters();
         let (smallest, _) = strain_rates_per_a(s);
         let holds = [
-            (Self::Compression, smallest < COMPRESSION * p.strain_rate_regularisation_per_a),
+            (Self::Compression, Self::compressed(p, smallest)),
             (Self::Thin, s.thickness_0_m() < THIN * p.d_m),
             (Self::Inertial, inertial_number(model, s, terminus_x_m) > INERTIAL),
         ];

@@ -73,13 +73,15 @@ impl Model {
     /// Refuses what has no steady state by construction.
     pub fn check_steady(&self) -> Result<(), ParameterError> {
         let p = self.parameters();
-        if p.terminus_velocity_m_per_a != p.calving_rate_m_per_a && !self.fjord().is_constant() {
+        let depends_on_place =
+            !self.fjord().is_constant() || self.melt_shape().depends_on_bedrock();
+        if p.terminus_velocity_m_per_a != p.calving_rate_m_per_a && depends_on_place {
             return Err(ParameterError::Contradiction {
                 name: "calving_rate_m_per_a",
                 value: p.calving_rate_m_per_a,
                 permitted: format!(
-                    "a terminus that moves through a fjord of varying width has no steady state; \
-                     the terminus velocity ({} m a-1) or width_gradient = 0",
+                    "the terminus velocity ({} m a-1): a terminus that moves through a fjord of varying \
+                     width, or past melt that is fixed to the bedrock, has no steady state",
                     p.terminus_velocity_m_per_a
                 ),
             });

@@ -5,6 +5,7 @@ mod browser;
 mod command_line;
 mod faults;
 mod rest;
+mod scenarios;
 mod tables;
 
 use serde_json::{Value, json};
