@@ -134,7 +134,7 @@ pub enum Var {
 
 impl Var {
     /// Place in the packed vector of N cells; none for [`Var::Calving`].
-    #[inline]
+    #[inline(always)]
     pub fn index(self, n_cells: usize) -> Option<usize> {
         match self {
             Var::U(j) => Some(3 * j),
@@ -147,7 +147,7 @@ impl Var {
     }
 
     /// Unit of the packed unknown in SI metres and years.
-    #[inline]
+    #[inline(always)]
     pub fn scale(self) -> f64 {
         match self {
             Var::U(_) | Var::Calving => scale::VELOCITY,
