@@ -12,7 +12,7 @@ use crate::transient::{Ending, Evolution};
 const FIRST_STEP_A: f64 = 1e-3;
 /// A shorter step than this is given up, a.
 const SHORTEST_STEP_A: f64 = 1e-10;
-/// The tolerance is spent over this time, the paper's scale [τ] = [L]/[U], so that the error of a result
+/// The tolerance is spent over this time, the paper's time scale (Appendix B), so that the error of a result
 /// is about the tolerance, however many steps there are; longer steps may spend it at once. a.
 const SPENT_OVER_A: f64 = scale::LENGTH / scale::VELOCITY;
 /// Share of the step that the error would allow.
