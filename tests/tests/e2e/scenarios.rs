@@ -1,7 +1,7 @@
 //! Every form of a scenario through `melange run`, and through a sweep where the two could differ.
 
 use crate::assert_close;
-use melange_tests::{Server, folder, run};
+use melange_tests::{Server, folder, melange, root, run};
 use serde_json::{Value, json};
 
 fn solved(scenario: &Value, status: &str) -> Value {
@@ -161,6 +161,30 @@ fn a_result_says_how_good_it_is() {
     let shaped = json!({"regime": "steady", "melt_shape": "linear", "parameters": {"n_cells": 20}});
     let validity = solved(&shaped, "converged")["validity"].clone();
     assert!(validity.as_str().expect("a caveat").contains("compression"), "{validity}");
+}
+
+/// What the README points at works.
+#[test]
+fn every_example_is_solved() {
+    let folder = folder();
+    let examples = std::fs::read_dir(root().join("examples")).expect("examples");
+    for (i, entry) in examples.enumerate() {
+        let path = entry.expect("an example").path();
+        let file = path.to_str().expect("UTF-8");
+        let is_sweep = std::fs::read_to_string(&path).expect("text").contains("[[axes]]");
+        let data = folder.path().join(i.to_string());
+        let data = data.to_str().expect("UTF-8");
+        let output = if is_sweep {
+            melange(&["sweep", file, "--data", data], "")
+        } else {
+            melange(&["run", file], "")
+        };
+        let text = String::from_utf8(output.stdout).expect("UTF-8");
+        assert!(output.status.success(), "{file}: {text}");
+        let result: Value = serde_json::from_str(text.trim()).expect("JSON");
+        let failed = &result["counts"]["failed"];
+        assert!(result["status"].is_string() || *failed == 0, "{file}: {text}");
+    }
 }
 
 /// The same scenarios in a sweep: numbers, columns and the run's whole result are those of `run`.
