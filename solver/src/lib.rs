@@ -22,7 +22,7 @@
 //!
 //! A [`Model`] is what is solved for; a [`Solver`] keeps the buffers:
 //!
-//! ```no_run
+//! ```
 //! use melange_solver::params::Parameters;
 //! use melange_solver::physics::closure::UpstreamClosure;
 //! use melange_solver::steady::SteadyVerdict;
@@ -31,7 +31,8 @@
 //! let parameters = Parameters { melt_rate_m_per_day: 0.7, ..Parameters::default() };
 //! let model = Model::new(parameters, UpstreamClosure::Published)?;
 //! if let SteadyVerdict::Converged { solution, .. } = Solver::new(model).steady(None)? {
-//!     println!("F/W = {} N/m", force::force_n_per_m(&solution.state));
+//!     let force = force::force_n_per_m(&solution.state);
+//!     assert!((force - 5.021e6).abs() < 1e3);
 //! }
 //! # Ok::<(), melange_solver::error::SolveError>(())
 //! ```
