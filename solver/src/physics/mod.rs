@@ -220,7 +220,7 @@ impl<'a> Equations<'a> {
             melt_shape: problem.melt_shape,
         };
         sidewall::sections(&medium, state, sections);
-        sidewall::mean_speeds(p, sections, speeds);
+        sidewall::mean_speeds(p, problem.smoothing, sections, speeds);
         momentum::residual(&medium, state, out);
         sidewall::residual(&medium, state, speeds, out);
         fluidity::residual(&medium, state, out);
@@ -357,7 +357,7 @@ impl System for Equations<'_> {
         /// Share of the way to a bound that one step may go.
         const TOWARDS_BOUND: f64 = 0.9;
         let n = self.scratch.state.n_cells();
-        let threshold = sidewall::threshold(self.problem.parameters);
+        let threshold = sidewall::threshold(self.problem.parameters, self.problem.smoothing);
         let mut longest = 1.0_f64;
         let mut bound = |room: f64, shrink: f64| {
             if shrink > TOWARDS_BOUND * room && room > 0.0 {
@@ -374,9 +374,13 @@ impl System for Equations<'_> {
             keep_positive(Var::G(c));
         }
         keep_positive(Var::L);
+        // A mélange may stick to the walls and come loose again, but one at rest, which moves with the
+        // terminus. Friction at the ends acts on nothing: only its own row keeps it from where no speed
+        // depends on it.
+        let nodes = if matches!(self.problem.balance, MassBalance::AtRest(_)) { 1 } else { n };
         let mu_w = core_unknowns(n);
-        for (mu, step) in x[mu_w..].iter().zip(&step[mu_w..]) {
-            bound(mu.abs() - threshold, -step * mu.signum());
+        for node in (mu_w..=mu_w + n).step_by(nodes) {
+            bound(x[node].abs() - threshold, -step[node] * x[node].signum());
         }
         longest
     }
