@@ -28,7 +28,7 @@ impl Solver {
         let mut root = None;
         for level in LEVELS.into_iter().filter(|level| *level < reached) {
             root = Some(self.solve_or_relax(task.smoothed(level), STAGE)?);
-            if let Some(root) = self.leap(task, level) {
+            if let Some(root) = self.leap(task, level, None) {
                 return Ok(root);
             }
         }
@@ -37,13 +37,16 @@ impl Solver {
 
     /// From the root at `level` to the model itself, if every cell is clear of its kink and keeps its
     /// side of it; else the iterate stays where it was.
-    pub(crate) fn leap(&mut self, task: Task<'_>, level: f64) -> Option<Root> {
+    pub(crate) fn leap(&mut self, task: Task<'_>, level: f64, hint: Option<&[f64]>) -> Option<Root> {
         let excess = self.yield_excesses();
         if level == 0.0 || excess.iter().any(|e| e.abs() < CLEAR * level) {
             return None;
         }
         let limits = Limits { iterations: 6, ..Limits::default() };
         let saved = self.newton.x.clone();
+        if let Some(hint) = hint {
+            self.newton.x.copy_from_slice(hint);
+        }
         let root = self.solve_from_iterate(task.smoothed(0.0), limits, STAGE).ok();
         let root = root.filter(|_| {
             let same_side =
@@ -70,7 +73,8 @@ impl Solver {
         task: Task<'_>,
         stage: &'static str,
     ) -> Result<Root, SolveError> {
-        let limits = Limits { iterations: 15, ..Limits::default() };
+        let limits = if task.smoothing > 0.0 { Limits::loose() } else { Limits::default() };
+        let limits = Limits { iterations: 15, ..limits };
         let saved = self.newton.x.clone();
         self.solve_from_iterate(task, limits, stage).or_else(|_| {
             self.newton.x.copy_from_slice(&saved);
