@@ -55,6 +55,10 @@ pub(crate) enum March {
 /// [`diagnostic::balanced_wedge`].
 const STARTS: [f64; 4] = [0.2, 0.5, 0.08, 0.03];
 
+/// Thickness at the terminus and length, in d, of the start that a collapse is checked by: a little above
+/// what counts as collapsed.
+const BELOW: (f64, f64) = (1.2, 40.0);
+
 /// First pseudo-transient step, a.
 pub(crate) const FIRST_STEP_A: f64 = 0.02;
 /// First pseudo-transient step from a neighbour's root, a.
@@ -159,7 +163,7 @@ impl Solver {
                 Ok(verdict @ SteadyVerdict::NoSteadyState(_)) => {
                     collapses += 1;
                     if collapses == 2 {
-                        return Ok(verdict);
+                        return Ok(self.steady_from_below().unwrap_or(verdict));
                     }
                 }
                 Ok(verdict) => return Ok(verdict),
@@ -167,6 +171,19 @@ impl Solver {
             }
         }
         Err(failure.expect("a start that neither ends nor fails twice does not exist"))
+    }
+
+    /// The steady state that a march from a mélange hardly thicker than its icebergs leads to: one that
+    /// thins towards a short mélange may, in passing, look collapsed.
+    fn steady_from_below(&mut self) -> Option<SteadyVerdict> {
+        let d_m = self.model.parameters.d_m;
+        let thickness_m = diagnostic::wedge(&self.model, BELOW.0 * d_m);
+        let start = self.diagnostic_at(&thickness_m, BELOW.1 * d_m, &LEVELS[..1]).ok()?;
+        let March::Settled(_) = self.march(start, FIRST_STEP_A, LEVELS[0]).ok()? else {
+            return None;
+        };
+        let verdict = self.descend_from(LEVELS[0]).ok()?;
+        matches!(verdict, SteadyVerdict::Converged { .. }).then_some(verdict)
     }
 
     fn steady_from_wedge(&mut self, share: f64) -> Result<SteadyVerdict, SolveError> {
