@@ -69,9 +69,14 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// For roots that only lead to others: what is left after a last step of 1e-3 is about 1e-6.
+    /// For roots that only lead to others: what is left after a last step of 1e-4 is about 1e-8.
     pub fn loose() -> Self {
-        Self { step_tolerance: 1e-3, checks_root: false, ..Self::default() }
+        Self { step_tolerance: 1e-4, checks_root: false, ..Self::default() }
+    }
+
+    /// For the model itself, or for a smoothed one, whose roots only lead to others.
+    pub fn at_smoothing(smoothing: f64) -> Self {
+        if smoothing > 0.0 { Self::loose() } else { Self::default() }
     }
 }
 

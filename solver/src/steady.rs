@@ -10,8 +10,8 @@ use crate::params::ParameterError;
 use crate::physics::closure::UpstreamClosure;
 use crate::physics::continuity::{Before, MassBalance};
 use crate::smoothing::LEVELS;
-use crate::trail::Trail;
 use crate::state::State;
+use crate::trail::Trail;
 use crate::{Model, Solution, Solver, Task, diagnostic};
 
 /// A mélange counts as collapsed when H₀ falls below this multiple of d, its thickness at the end …
@@ -146,7 +146,7 @@ impl Solver {
     ) -> Result<SteadyVerdict, SolveError> {
         if let Some((start, first_dt_a)) = start
             && let Ok(March::Settled(_)) = self.march(start, first_dt_a, LEVELS[0])
-            && let Ok(verdict @ SteadyVerdict::Converged { .. }) = self.descend_from(LEVELS[0], None)
+            && let Ok(verdict @ SteadyVerdict::Converged { .. }) = self.descend_from(LEVELS[0])
         {
             return Ok(verdict);
         }
@@ -192,12 +192,12 @@ impl Solver {
         let (thickness, length_m) = diagnostic::balanced_wedge(&self.model, thickness_0_m);
         // A collapse of the smoothed mélange is believed only if a less smoothed one collapses too.
         let mut last = None;
-        for reached in [1, 3] {
+        for reached in [1, 2] {
             let levels = &LEVELS[..reached];
             let start = self.diagnostic_at(&thickness, length_m, levels)?;
             let smoothing = levels[reached - 1];
             match self.march(start, FIRST_STEP_A, smoothing)? {
-                March::Settled(_) => return self.descend_from(smoothing, None),
+                March::Settled(_) => return self.descend_from(smoothing),
                 March::Ended(verdict) if matches!(*verdict, SteadyVerdict::NoSteadyState(_)) => {
                     last = Some(*verdict);
                 }
@@ -216,8 +216,7 @@ impl Solver {
         smoothing: f64,
     ) -> Result<March, SolveError> {
         let stage = "marching towards the steady state";
-        let limits = if smoothing > 0.0 { Limits::loose() } else { Limits::default() };
-        let limits = Limits { iterations: 15, ..limits };
+        let limits = Limits { iterations: 15, ..Limits::at_smoothing(smoothing) };
         let mut state = start;
         let mut dt_a = first_dt_a;
         let mut time_a = 0.0;
