@@ -8,6 +8,9 @@ use crate::smoothing::LEVELS;
 use crate::state::State;
 use crate::{Model, Solution, Solver, Task};
 
+/// Relative accuracy of the friction that starts are made with.
+const GUESS: f64 = 1e-3;
+
 /// A wedge: H falls linearly from `thickness_0_m` at x = 0 to d at x = L. \[N\] m.
 pub fn wedge(model: &Model, thickness_0_m: f64) -> Vec<f64> {
     let p = model.parameters();
@@ -26,7 +29,7 @@ pub fn balanced_wedge(model: &Model, thickness_0_m: f64) -> (Vec<f64>, f64) {
     let speed = p.calving_flux_m2_per_a() / thickness_0_m + walls;
     let mut section =
         [Section { mu_w: 0.0, thickness_m: 0.5 * (thickness_0_m + p.d_m), width_m: p.width_m }];
-    sidewall::friction_for(p, &[speed], &mut section);
+    sidewall::friction_for(p, &[speed], &mut section, GUESS);
     // ∫ μ_w/W dx = folds, in a fjord whose width varies linearly.
     let mu = section[0].mu_w.abs();
     let gradient = model.fjord().slope(0.0);
@@ -114,7 +117,7 @@ impl Solver {
                 width_m: self.model.fjord().width(length_m * j as f64 / n as f64),
             })
             .collect();
-        sidewall::friction_for(p, &vec![relative; n + 1], &mut sections);
+        sidewall::friction_for(p, &vec![relative; n + 1], &mut sections, GUESS);
         for (mu, section) in s.mu_w.iter_mut().zip(&sections) {
             *mu = section.mu_w;
         }

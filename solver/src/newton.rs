@@ -57,6 +57,8 @@ pub struct Limits {
     pub iterations: usize,
     /// A full step whose largest component, relative to its unknown, is below this is the last.
     pub step_tolerance: f64,
+    /// Shortest share of a Newton step that is tried.
+    pub shortest_share: f64,
     /// Whether the residual is evaluated after the last step; else the norm before it is reported.
     pub checks_root: bool,
 }
@@ -64,7 +66,7 @@ pub struct Limits {
 impl Default for Limits {
     /// Convergence is quadratic, so that a last step of 1e-9 leaves only rounding.
     fn default() -> Self {
-        Self { iterations: 60, step_tolerance: 1e-9, checks_root: true }
+        Self { iterations: 60, step_tolerance: 1e-9, shortest_share: 1e-5, checks_root: true }
     }
 }
 
@@ -178,8 +180,6 @@ fn iterate<S: System>(
     w: &mut Workspace<S::Jacobian>,
     limits: Limits,
 ) -> Result<Root, NewtonFailure> {
-    /// Shortest share of a Newton step that is tried.
-    const SHORTEST: f64 = 1e-5;
     /// Share of the predicted decrease that a step must bring.
     const SUFFICIENT: f64 = 1e-4;
     /// Relative size of steps that may be rounding: the residual's differences of neighbouring
@@ -242,7 +242,7 @@ fn iterate<S: System>(
                 }
             }
             share *= 0.5;
-            if share < SHORTEST {
+            if share < limits.shortest_share {
                 return Err(NewtonFailure::Stalled);
             }
         }

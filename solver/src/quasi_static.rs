@@ -187,7 +187,7 @@ impl Solver {
     fn wedge_thickness_m(&self, length_m: f64) -> f64 {
         let p = &self.model.parameters;
         let mut thin = [Section { mu_w: 0.0, thickness_m: p.d_m, width_m: p.width_m }];
-        sidewall::friction_for(p, &[p.terminus_velocity_m_per_a], &mut thin);
+        sidewall::friction_for(p, &[p.terminus_velocity_m_per_a], &mut thin, 1e-6);
         let fjord = &self.model.fjord;
         let folds: f64 = (0..p.n_cells)
             .map(|c| {

@@ -49,13 +49,18 @@ impl Solver {
         to: f64,
         divisions: usize,
     ) -> Result<Root, SolveError> {
+        /// Where short steps are needed, a level between is the shorter way.
+        const SHORTEST_SHARE: f64 = 0.1;
         let limits = Limits { iterations: 12, ..Limits::at_smoothing(to) };
+        let is_last_resort = divisions == 0 || to == 0.0;
+        let shortest_share = if is_last_resort { limits.shortest_share } else { SHORTEST_SHARE };
+        let limits = Limits { shortest_share, ..limits };
         let saved = self.newton.x.clone();
         match self.solve_from_iterate(task.smoothed(to), limits, STAGE) {
             Ok(root) => Ok(root),
             Err(error) => {
                 self.newton.x.copy_from_slice(&saved);
-                if divisions == 0 || to == 0.0 {
+                if is_last_resort {
                     return Err(error);
                 }
                 let between = (from * to).sqrt();

@@ -61,8 +61,6 @@ const BELOW: (f64, f64) = (1.2, 40.0);
 
 /// First pseudo-transient step, a.
 pub(crate) const FIRST_STEP_A: f64 = 0.02;
-/// First pseudo-transient step from a neighbour's root, a.
-const FIRST_STEP_WARM_A: f64 = 1.0;
 /// Steps longer than this hand over to Newton's method on the steady equations, a.
 const LONGEST_STEP_A: f64 = 10.0;
 /// Shorter steps than this mean that the march is stuck, a.
@@ -102,13 +100,12 @@ impl Solver {
         if let Some(verdict) = self.steady_by_construction()? {
             return Ok(verdict);
         }
-        let Some(near) = near.filter(|near| near.n_cells() == self.model.parameters.n_cells) else {
-            return self.steady_cold();
-        };
-        if let Some(verdict) = self.steady_beside(near) {
-            return Ok(verdict);
+        let near = near.filter(|near| near.n_cells() == self.model.parameters.n_cells);
+        match near.and_then(|near| self.steady_beside(near)) {
+            Some(verdict) => Ok(verdict),
+            // A neighbour that leads nowhere says nothing about this mélange.
+            None => self.steady_cold(),
         }
-        self.steady_first_from(Some((near.first(), FIRST_STEP_WARM_A)))
     }
 
     /// The steady state, sought first from a geometry: H (\[N\] m) and L (m). It does not change the
@@ -122,8 +119,14 @@ impl Solver {
         if let Some(verdict) = self.steady_by_construction()? {
             return Ok(verdict);
         }
-        let start = self.diagnostic_at(thickness_m, length_m, &LEVELS[..1]).ok();
-        self.steady_first_from(start.map(|start| (start, FIRST_STEP_A)))
+        if let Ok(start) = self.diagnostic_at(thickness_m, length_m, &LEVELS[..1])
+            && let Ok(March::Settled(_)) = self.march(start, FIRST_STEP_A, LEVELS[0])
+            && let Ok(verdict @ SteadyVerdict::Converged { .. }) = self.descend_from(LEVELS[0])
+        {
+            return Ok(verdict);
+        }
+        // A start that leads nowhere says nothing about this mélange, so that the regular ones follow.
+        self.steady_cold()
     }
 
     /// Refuses what has no one steady state; the verdict where there can be none.
@@ -136,21 +139,6 @@ impl Solver {
         let evidence = "no ice enters (calving rate 0), so the mélange has no steady length";
         Ok((self.model.parameters.calving_flux_m2_per_a() == 0.0)
             .then(|| SteadyVerdict::NoSteadyState(evidence.into())))
-    }
-
-    /// The steady state by a march from a state with a first step in a, if it leads to one. A start that
-    /// leads nowhere says nothing about this mélange, so that the regular ones follow.
-    fn steady_first_from(
-        &mut self,
-        start: Option<(State, f64)>,
-    ) -> Result<SteadyVerdict, SolveError> {
-        if let Some((start, first_dt_a)) = start
-            && let Ok(March::Settled(_)) = self.march(start, first_dt_a, LEVELS[0])
-            && let Ok(verdict @ SteadyVerdict::Converged { .. }) = self.descend_from(LEVELS[0])
-        {
-            return Ok(verdict);
-        }
-        self.steady_cold()
     }
 
     fn steady_cold(&mut self) -> Result<SteadyVerdict, SolveError> {

@@ -42,13 +42,6 @@ impl Trail {
         self.n_cells
     }
 
-    /// The root at the first level.
-    pub(crate) fn first(&self) -> State {
-        let mut state = State::zeros(self.n_cells);
-        state.unpack(&self.roots[0].x);
-        state
-    }
-
     fn at(&self, level: f64) -> Option<&Passed> {
         self.roots.iter().find(|root| root.level == level)
     }

@@ -246,10 +246,9 @@ fn positive_part(x: f64) -> f64 {
 }
 
 /// The μ_w that gives each section its speed (signed, m a⁻¹): Newton on the increasing ū(μ_w),
-/// kept between bounds. `sections` gives H and W, and receives μ_w.
-pub fn friction_for(p: &Parameters, speeds: &[f64], sections: &mut [Section]) {
+/// kept between bounds, to a relative `tolerance` of μ_w. `sections` gives H and W, and receives μ_w.
+pub fn friction_for(p: &Parameters, speeds: &[f64], sections: &mut [Section], tolerance: f64) {
     const ITERATIONS: usize = 80;
-    const TOLERANCE: f64 = 1e-10;
     let floor = threshold(p, 0.0);
     let mut bounds = vec![(floor, f64::INFINITY); sections.len()];
     let mut found = vec![MeanSpeed::default(); sections.len()];
@@ -276,7 +275,7 @@ pub fn friction_for(p: &Parameters, speeds: &[f64], sections: &mut [Section]) {
             largest_change = largest_change.max((next - mu).abs() / mu);
             section.mu_w = next.copysign(*speed);
         }
-        if largest_change < TOLERANCE {
+        if largest_change < tolerance {
             break;
         }
     }

@@ -27,7 +27,7 @@ fn integrated_length_m(p: &Parameters, thickness_0_m: f64) -> f64 {
         for (node, weight) in nodes {
             let thickness_m = p.d_m * (piece * (i as f64 + 0.5 + 0.5 * node)).exp();
             let mut section = [Section { mu_w: 0.0, thickness_m, width_m: p.width_m }];
-            friction_for(p, &[p.terminus_velocity_m_per_a], &mut section);
+            friction_for(p, &[p.terminus_velocity_m_per_a], &mut section, 1e-10);
             length += weight * piece * p.width_m / section[0].mu_w;
         }
     }
