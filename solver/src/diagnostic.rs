@@ -4,12 +4,16 @@ use crate::error::SolveError;
 use crate::physics::continuity::MassBalance;
 use crate::physics::local_fluidity_rate;
 use crate::physics::sidewall::{self, Section};
+use crate::physics::terminus::Advance;
 use crate::smoothing::LEVELS;
 use crate::state::State;
 use crate::{Model, Solution, Solver, Task};
 
 /// Relative accuracy of the friction that starts are made with.
 const GUESS: f64 = 1e-3;
+
+/// Steps along a fjord in search of a balanced wedge's end.
+const WEDGE_STEPS: usize = 200;
 
 /// A wedge: H falls linearly from `thickness_0_m` at x = 0 to d at x = L. \[N\] m.
 pub fn wedge(model: &Model, thickness_0_m: f64) -> Vec<f64> {
@@ -30,14 +34,11 @@ pub fn balanced_wedge(model: &Model, thickness_0_m: f64) -> (Vec<f64>, f64) {
     let mut section =
         [Section { mu_w: 0.0, thickness_m: 0.5 * (thickness_0_m + p.d_m), width_m: p.width_m }];
     sidewall::friction_for(p, &[speed], &mut section, GUESS);
-    // ∫ μ_w/W dx = folds, in a fjord whose width varies linearly.
-    let mu = section[0].mu_w.abs();
-    let gradient = model.fjord().slope(0.0);
-    let length_m = if gradient == 0.0 {
-        p.width_m / mu * folds
-    } else {
-        p.width_m / gradient * (folds * gradient / mu).exp_m1()
-    };
+    // ∫ μ_w/W dx = folds: in s = ∫ dx/W the fjord is dx/ds = W, stepped by the midpoint rule.
+    let ds = folds / section[0].mu_w.abs() / WEDGE_STEPS as f64;
+    let fjord = model.fjord();
+    let length_m = (0..WEDGE_STEPS)
+        .fold(0.0, |x_m, _| x_m + ds * fjord.width(x_m + 0.5 * ds * fjord.width(x_m)));
     // ln(H/d) = ∫ μ_w/W dx from x to L, by the cells' widths.
     let x_m = |c: usize| length_m * (c as f64 + 0.5) / n as f64;
     let nearness: Vec<f64> = (0..n).map(|c| model.fjord().width(x_m(c)).recip()).collect();
@@ -53,6 +54,25 @@ pub fn balanced_wedge(model: &Model, thickness_0_m: f64) -> (Vec<f64>, f64) {
     (thickness, length_m)
 }
 
+/// What a diagnostic solve is given.
+#[derive(Debug, Clone, Copy)]
+pub struct Geometry<'a> {
+    /// H: \[N\] m.
+    pub thickness_m: &'a [f64],
+    /// L, m.
+    pub length_m: f64,
+    /// X₀, m.
+    pub terminus_x_m: f64,
+}
+
+impl<'a> Geometry<'a> {
+    fn task(self) -> Task<'a> {
+        let Self { thickness_m, length_m, terminus_x_m } = self;
+        let advance = Advance::fixed(terminus_x_m);
+        Task { advance, ..Task::new(MassBalance::Given { thickness_m, length_m }) }
+    }
+}
+
 impl Solver {
     /// Solves for U, g^x and μ_w with H (\[N\] m) and L (m) given.
     ///
@@ -63,34 +83,37 @@ impl Solver {
         thickness_m: &[f64],
         length_m: f64,
     ) -> Result<Solution, SolveError> {
+        self.diagnostic_in(Geometry { thickness_m, length_m, terminus_x_m: 0.0 })
+    }
+
+    /// The same with the terminus anywhere along the fjord.
+    pub fn diagnostic_in(&mut self, geometry: Geometry<'_>) -> Result<Solution, SolveError> {
         self.iterations = 0;
-        self.model.check_reach(0.0, length_m)?;
-        self.diagnostic_at(thickness_m, length_m, &LEVELS[..1])?;
-        let root =
-            self.follow(Task::new(MassBalance::Given { thickness_m, length_m }), LEVELS[0])?;
+        self.model.check_reach(geometry.terminus_x_m, geometry.length_m)?;
+        self.smoothed_diagnostic(geometry, &LEVELS[..1])?;
+        let root = self.follow(geometry.task(), LEVELS[0])?;
         Ok(self.solution(root))
     }
 
     /// The same at the given levels of smoothing only, the last of which the state belongs to.
-    pub(crate) fn diagnostic_at(
+    pub(crate) fn smoothed_diagnostic(
         &mut self,
-        thickness_m: &[f64],
-        length_m: f64,
+        geometry: Geometry<'_>,
         levels: &[f64],
     ) -> Result<State, SolveError> {
         let stage = "solving for velocity, fluidity and friction at given geometry";
-        let mut state = self.guess(thickness_m, length_m)?;
+        let mut state = self.guess(geometry)?;
         state.pack(&mut self.newton.x);
-        let task = Task::new(MassBalance::Given { thickness_m, length_m });
         for smoothing in levels {
-            self.solve_or_relax(task.smoothed(*smoothing), stage)?;
+            self.solve_or_relax(geometry.task().smoothed(*smoothing), stage)?;
         }
         state.unpack(&self.newton.x);
         Ok(state)
     }
 
     /// Plug flow at the inflow's speed, with the friction and the local fluidity that belong to it.
-    pub(crate) fn guess(&self, thickness_m: &[f64], length_m: f64) -> Result<State, SolveError> {
+    pub(crate) fn guess(&self, geometry: Geometry<'_>) -> Result<State, SolveError> {
+        let Geometry { thickness_m, length_m, terminus_x_m } = geometry;
         let p = self.model.parameters();
         let n = p.n_cells;
         if thickness_m.len() != n {
@@ -114,7 +137,7 @@ impl Solver {
                 mu_w: 0.0,
                 thickness_m: 0.5
                     * (s.thickness_m[j.saturating_sub(1)] + s.thickness_m[j.min(n - 1)]),
-                width_m: self.model.fjord().width(length_m * j as f64 / n as f64),
+                width_m: self.model.fjord().width(terminus_x_m + length_m * j as f64 / n as f64),
             })
             .collect();
         sidewall::friction_for(p, &vec![relative; n + 1], &mut sections, GUESS);

@@ -5,6 +5,7 @@
 //! thickness at the terminus or volume. The balance of stresses is then dH/dx = −μ_w H/W with the
 //! friction μ_w that belongs to the speed U_t (Amundson & Burton 2018), and F/W = 485.67 H₀².
 
+use crate::diagnostic::{Geometry, balanced_wedge};
 use crate::error::SolveError;
 use crate::force;
 use crate::newton::Root;
@@ -13,6 +14,7 @@ use crate::physics::continuity::MassBalance;
 use crate::physics::quasi_static::Size;
 use crate::physics::sidewall::{self, Section};
 use crate::smoothing::LEVELS;
+use crate::state::State;
 use crate::{Model, Solution, Solver, Task};
 
 /// What is given of a mélange at rest.
@@ -125,8 +127,9 @@ impl Solver {
     /// Solves for a size, from a wedge of about that thickness.
     fn rest(&mut self, size: Size, thickness_0_m: f64) -> Result<Root, SolveError> {
         let stage = "solving for a mélange at rest";
-        let (thickness_m, length_m) = crate::diagnostic::balanced_wedge(&self.model, thickness_0_m);
-        let mut guess = self.guess(&thickness_m, length_m)?;
+        let (thickness_m, length_m) = balanced_wedge(&self.model, thickness_0_m);
+        let geometry = Geometry { thickness_m: &thickness_m, length_m, terminus_x_m: 0.0 };
+        let mut guess = self.guess(geometry)?;
         if let Size::Length(length_m) = size {
             guess.length_m = length_m;
         }
@@ -140,7 +143,7 @@ impl Solver {
     fn largest(&mut self) -> Result<(f64, f64), SolveError> {
         let thickness_m = self.model.parameters.terminus_thickness_m;
         self.rest(Size::Thickness0(thickness_m), thickness_m)?;
-        let mut state = crate::state::State::zeros(self.model.parameters.n_cells);
+        let mut state = State::zeros(self.model.parameters.n_cells);
         state.unpack(&self.newton.x);
         Ok((state.length_m, force::volume_m3(&self.model, &state, 0.0)))
     }
@@ -152,7 +155,7 @@ impl Solver {
         // A mélange with H₀ = d has no length and no volume.
         let (mut low_m, mut high_m) = (p.d_m, p.terminus_thickness_m);
         let (mut below, mut above) = (None, None);
-        let mut state = crate::state::State::zeros(p.n_cells);
+        let mut state = State::zeros(p.n_cells);
         for _ in 0..VOLUME_SOLVES {
             let thickness_m = match (below, above) {
                 (Some(below), Some(above)) => {

@@ -4,6 +4,7 @@
 //! module `smoothing`). Its first level is reached by pseudo-transient steps whose length grows until Newton's method on the
 //! steady equations takes over, so that the start does not matter.
 
+use crate::diagnostic::{self, Geometry};
 use crate::error::SolveError;
 use crate::newton::{Limits, Root};
 use crate::params::ParameterError;
@@ -12,7 +13,7 @@ use crate::physics::continuity::{Before, MassBalance};
 use crate::smoothing::LEVELS;
 use crate::state::State;
 use crate::trail::Trail;
-use crate::{Model, Solution, Solver, Task, diagnostic};
+use crate::{Model, Solution, Solver, Task};
 
 /// A mélange counts as collapsed when H₀ falls below this multiple of d, its thickness at the end …
 pub const COLLAPSE_THICKNESS_RATIO: f64 = 1.02;
@@ -115,11 +116,12 @@ impl Solver {
         thickness_m: &[f64],
         length_m: f64,
     ) -> Result<SteadyVerdict, SolveError> {
-        self.guess(thickness_m, length_m)?;
+        let geometry = Geometry { thickness_m, length_m, terminus_x_m: 0.0 };
+        self.guess(geometry)?;
         if let Some(verdict) = self.steady_by_construction()? {
             return Ok(verdict);
         }
-        if let Ok(start) = self.diagnostic_at(thickness_m, length_m, &LEVELS[..1])
+        if let Ok(start) = self.smoothed_diagnostic(geometry, &LEVELS[..1])
             && let Ok(March::Settled(_)) = self.march(start, FIRST_STEP_A, LEVELS[0])
             && let Ok(verdict @ SteadyVerdict::Converged { .. }) = self.descend_from(LEVELS[0])
         {
@@ -166,7 +168,9 @@ impl Solver {
     fn steady_from_below(&mut self) -> Option<SteadyVerdict> {
         let d_m = self.model.parameters.d_m;
         let thickness_m = diagnostic::wedge(&self.model, BELOW.0 * d_m);
-        let start = self.diagnostic_at(&thickness_m, BELOW.1 * d_m, &LEVELS[..1]).ok()?;
+        let geometry =
+            Geometry { thickness_m: &thickness_m, length_m: BELOW.1 * d_m, terminus_x_m: 0.0 };
+        let start = self.smoothed_diagnostic(geometry, &LEVELS[..1]).ok()?;
         let March::Settled(_) = self.march(start, FIRST_STEP_A, LEVELS[0]).ok()? else {
             return None;
         };
@@ -177,12 +181,13 @@ impl Solver {
     fn steady_from_wedge(&mut self, share: f64) -> Result<SteadyVerdict, SolveError> {
         let p = self.model.parameters;
         let thickness_0_m = p.d_m + share * (p.terminus_thickness_m - p.d_m);
-        let (thickness, length_m) = diagnostic::balanced_wedge(&self.model, thickness_0_m);
+        let (thickness_m, length_m) = diagnostic::balanced_wedge(&self.model, thickness_0_m);
+        let geometry = Geometry { thickness_m: &thickness_m, length_m, terminus_x_m: 0.0 };
         // A collapse of the smoothed mélange is believed only if a less smoothed one collapses too.
         let mut last = None;
         for reached in [1, 2] {
             let levels = &LEVELS[..reached];
-            let start = self.diagnostic_at(&thickness, length_m, levels)?;
+            let start = self.smoothed_diagnostic(geometry, levels)?;
             let smoothing = levels[reached - 1];
             match self.march(start, FIRST_STEP_A, smoothing)? {
                 March::Settled(_) => return self.descend_from(smoothing),
