@@ -8,7 +8,7 @@ use melange_solver::error::SolveError;
 use melange_solver::observe::Moment;
 use melange_solver::state::State;
 use melange_solver::steady::SteadyVerdict;
-use melange_solver::transient::{Ending, FixedSteps, TransientEnd};
+use melange_solver::transient::{Ending, Plan, TransientEnd};
 use melange_solver::{Model, Solution, Solver, diagnostic, force};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -190,8 +190,8 @@ fn transient(
         }
         if stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let plan = FixedSteps { dt_a: steps.dt_a, count: steps.count };
-    let end: TransientEnd = match solver.transient(start.state, plan, &mut record) {
+    let plan = Plan::fixed(steps.dt_a, steps.count);
+    let end: TransientEnd = match solver.transient(start.state, &plan, &mut record) {
         Ok(end) => end,
         Err(SolveError::Stopped { .. }) => return None,
         Err(e) => {
