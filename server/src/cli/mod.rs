@@ -2,6 +2,7 @@
 
 pub mod run;
 pub mod serve;
+pub mod soak;
 pub mod sweep;
 
 use clap::{Parser, Subcommand};
@@ -27,6 +28,8 @@ enum Command {
     Serve(serve::Arguments),
     /// Serve, and queue the paper's melt sweep when the archive is empty.
     Demo(serve::Arguments),
+    /// Draw parameters at random and tell what the solver does not manage.
+    Soak(soak::Arguments),
 }
 
 /// Runs the command given.
@@ -43,5 +46,6 @@ pub async fn main() -> anyhow::Result<ExitCode> {
         Command::Sweep(arguments) => sweep::main(&arguments).await,
         Command::Serve(arguments) => serve::main(&arguments, false).await,
         Command::Demo(arguments) => serve::main(&arguments, true).await,
+        Command::Soak(arguments) => soak::main(&arguments).await,
     }
 }
