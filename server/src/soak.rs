@@ -378,3 +378,28 @@ impl fmt::Display for Report {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a seed draws is a promise: findings are told by seed and number.
+    #[test]
+    fn a_seed_draws_the_same_on_any_machine() {
+        let p = draw(1, 195).expect("in range");
+        let drawn = [p.melt_rate_m_per_day, p.width_m, p.width_gradient, p.calving_rate_m_per_a];
+        assert_eq!(drawn, [2.04929, 17_851.6, -0.048_126_6, 2_718.83]);
+        let drawn = [p.terminus_thickness_m, p.d_m, p.b, p.A, p.mu_s, p.n_cells as f64];
+        assert_eq!(drawn, [1_112.41, 5.289_57, 16_281.3, 0.598_035, 0.142_618, 393.0]);
+        assert_eq!(p.terminus_velocity_m_per_a, p.calving_rate_m_per_a);
+        assert_ne!(draw(2, 195), draw(1, 195));
+    }
+
+    #[test]
+    fn every_draw_is_a_mélange() {
+        for index in 0..20_000 {
+            let p = draw(7, index).expect("in range");
+            assert!(p.check().is_ok(), "{index}: {p:?}");
+        }
+    }
+}

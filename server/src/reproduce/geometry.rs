@@ -208,14 +208,20 @@ fn by_walls(widths: &[Case], gradients: &[Case]) -> Vec<Claim> {
         }
     };
     let straight = &gradients[gradients.len() / 2];
+    let mut by_width = claim(
+        "fig6_width",
+        "§3.1.2, Fig. 6a–b",
+        "the force decays roughly exponentially with fjord width",
+        widths,
+        "width_m",
+    );
+    let power = over(Law::Power, widths, "width_m", Case::force_n_per_m);
+    by_width.numbers.extend([
+        ("exponent_of_a_power_law", power.exponent.estimate),
+        ("r_squared_of_a_power_law", power.r_squared),
+    ]);
     vec![
-        claim(
-            "fig6_width",
-            "§3.1.2, Fig. 6a–b",
-            "the force decays roughly exponentially with fjord width",
-            widths,
-            "width_m",
-        ),
+        by_width,
         claim(
             "fig6_gradient",
             "§3.1.2, Fig. 6c–d",

@@ -10,6 +10,7 @@ mod closures;
 mod geometry;
 mod rest;
 mod rheology;
+mod season;
 mod seasons;
 mod table;
 

@@ -114,7 +114,7 @@ fn drift() -> Result<Table, Broken> {
         title: "At rest, and left alone for long",
         caption: "Without calving and melt nothing enters or leaves, so that the volume should stay. The first cell \
                   conserves nothing, which costs a percent on the way to rest; and on a coarse grid the fluidity of the \
-                  mélange at rest falls into a pattern from cell to cell, after which ice seeps through its end.",
+                  mélange at rest falls, in decades, into a pattern of every other cell, after which ice seeps in at its end.",
         ..Table::data("rest_drift", &columns, rows)
     })
 }

@@ -4,7 +4,9 @@ mod architecture;
 mod browser;
 mod command_line;
 mod faults;
+mod reproduction;
 mod rest;
+mod soak;
 mod tables;
 
 use serde_json::{Value, json};
