@@ -7,6 +7,9 @@ use super::{Broken, Part};
 use melange_solver::physics::closure::UpstreamClosure;
 use rayon::prelude::*;
 
+/// A choice: its name, the parameters it changes, the closure.
+type Choice = (&'static str, &'static [(&'static str, f64)], UpstreamClosure);
+
 /// The table; it makes no claim of the paper's.
 pub fn part() -> Result<Part, Broken> {
     Ok(Part { claims: Vec::new(), tables: vec![deviations()?], figures: Vec::new() })
@@ -14,7 +17,7 @@ pub fn part() -> Result<Part, Broken> {
 
 /// The base case with one choice changed.
 fn deviations() -> Result<Table, Broken> {
-    const CHOICES: [(&str, &[(&str, f64)], UpstreamClosure); 9] = [
+    const CHOICES: [Choice; 9] = [
         ("as chosen", &[], UpstreamClosure::Published),
         (
             "6: δε̇ = 0.01 a⁻¹",
