@@ -119,10 +119,10 @@ async fn seconds_per_unit(
 ) -> sqlx::Result<f64> {
     let measured: Option<f64> =
         sqlx::query_scalar("SELECT seconds_per_unit FROM measured_rates WHERE regime = $1")
-            .bind(run.regime.name())
+            .bind(run.shared.regime.name())
             .fetch_optional(connection)
             .await?;
-    let guess = FIRST_GUESS_SECONDS[usize::from(run.steps.is_some())];
+    let guess = FIRST_GUESS_SECONDS[usize::from(run.shared.steps.is_some())];
     Ok(measured.filter(|s| *s > 0.0).unwrap_or(guess))
 }
 

@@ -1,9 +1,16 @@
-//! What a user waits for, at N = 50: `cargo bench -p melange-solver`.
+//! What a user waits for, at N = 50, and how an iteration of Newton's method grows with N:
+//! `cargo bench -p melange-solver`.
 
-use criterion::{Criterion, criterion_group, criterion_main};
-use melange_solver::diagnostic::wedge;
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use melange_solver::diagnostic::{balanced_wedge, wedge};
+use melange_solver::newton::{Linear, System};
 use melange_solver::params::Parameters;
 use melange_solver::physics::closure::UpstreamClosure;
+use melange_solver::physics::continuity::MassBalance;
+use melange_solver::physics::jacobian::Jacobian;
+use melange_solver::physics::terminus::Advance;
+use melange_solver::physics::{Equations, Problem, Scratch};
+use melange_solver::state::unknowns;
 use melange_solver::steady::SteadyVerdict;
 use melange_solver::transient::Plan;
 use melange_solver::{Model, Solver};
@@ -36,5 +43,41 @@ fn benches(c: &mut Criterion) {
     });
 }
 
-criterion_group!(all, benches);
+/// One iteration: residual and Jacobian, factors, step.
+fn iteration(c: &mut Criterion) {
+    let mut group = c.benchmark_group("newton iteration");
+    for n_cells in [50, 100, 200, 400, 800] {
+        let p = Parameters { n_cells, ..Parameters::default() };
+        let m = Model::new(p, UpstreamClosure::Published).expect("parameters are in range");
+        let (thickness_m, length_m) = balanced_wedge(&m, 100.0);
+        let state =
+            Solver::new(m.clone()).diagnostic(&thickness_m, length_m).expect("a solve").state;
+        let problem = Problem {
+            parameters: m.parameters(),
+            fjord: m.fjord(),
+            melt_shape: m.melt_shape(),
+            closure: m.closure(),
+            balance: MassBalance::Steady,
+            advance: Advance::fixed(0.0),
+            smoothing: 1e-3,
+            relaxation: None,
+        };
+        let mut scratch = Scratch::new(n_cells);
+        let mut equations = Equations::new(problem, &mut scratch);
+        let mut jacobian = Jacobian::zeros(n_cells);
+        let (mut x, mut residual) = (vec![0.0; unknowns(n_cells)], vec![0.0; unknowns(n_cells)]);
+        state.pack(&mut x);
+        group.bench_function(BenchmarkId::from_parameter(n_cells), |b| {
+            b.iter(|| {
+                equations.linearise(&x, &mut residual, &mut jacobian).expect("in the domain");
+                jacobian.factorise().expect("regular");
+                jacobian.solve(&mut residual);
+                black_box(&residual);
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(all, benches, iteration);
 criterion_main!(all);

@@ -15,7 +15,7 @@ pub fn wedge(model: &Model, thickness_0_m: f64) -> Vec<f64> {
     (0..n).map(|c| thickness_0_m + (p.d_m - thickness_0_m) * (c as f64 + 0.5) / n as f64).collect()
 }
 
-/// A mélange in which friction at the walls alone bears the load: H = d·exp(μ_w(L − x)/W), the
+/// A mélange in which friction at the walls alone bears the load: H = d·exp(∫μ_w/W dx), the
 /// quasi-static profile (dH/dx = −μ_wH/W), with the friction that belongs to the inflow's speed.
 /// Returns H: \[N\] m and L in m. It needs no stretching to stand, so it is a good start.
 pub fn balanced_wedge(model: &Model, thickness_0_m: f64) -> (Vec<f64>, f64) {
@@ -35,8 +35,18 @@ pub fn balanced_wedge(model: &Model, thickness_0_m: f64) -> (Vec<f64>, f64) {
     } else {
         p.width_m / gradient * (folds * gradient / mu).exp_m1()
     };
-    let thickness =
-        (0..n).map(|c| p.d_m * (folds * (1.0 - (c as f64 + 0.5) / n as f64)).exp()).collect();
+    // ln(H/d) = ∫ μ_w/W dx from x to L, by the cells' widths.
+    let x_m = |c: usize| length_m * (c as f64 + 0.5) / n as f64;
+    let nearness: Vec<f64> = (0..n).map(|c| model.fjord().width(x_m(c)).recip()).collect();
+    let total: f64 = nearness.iter().sum();
+    let mut passed = 0.0;
+    let thickness = nearness
+        .iter()
+        .map(|near| {
+            passed += near;
+            p.d_m * (folds * (1.0 - (passed - 0.5 * near) / total)).exp()
+        })
+        .collect();
     (thickness, length_m)
 }
 
@@ -51,6 +61,7 @@ impl Solver {
         length_m: f64,
     ) -> Result<Solution, SolveError> {
         self.iterations = 0;
+        self.model.check_reach(0.0, length_m)?;
         self.diagnostic_at(thickness_m, length_m, &LEVELS[..1])?;
         let root =
             self.follow(Task::new(MassBalance::Given { thickness_m, length_m }), LEVELS[0])?;

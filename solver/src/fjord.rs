@@ -51,6 +51,17 @@ impl Fjord {
         }
     }
 
+    /// dW/dx of straight walls, or from end to end of a table.
+    pub fn mean_gradient(&self) -> f64 {
+        match &self.0 {
+            Walls::Straight { gradient, .. } => *gradient,
+            Walls::Table { widths, .. } => {
+                let (first, last) = widths.range();
+                (widths.value(last) - widths.value(first)) / (last - first)
+            }
+        }
+    }
+
     /// Where the walls meet down-fjord of x = 0, m; infinite if they do not.
     pub fn closes_at_m(&self) -> f64 {
         match &self.0 {

@@ -34,19 +34,6 @@ pub fn volume_m3(model: &Model, s: &State, terminus_x_m: f64) -> f64 {
         .sum()
 }
 
-/// Relative defect of the steady budget U_cH_tW₀ = ∫melt·W dx + U_L d W_L.
-///
-/// The published scheme telescopes over cells 1…N − 1 only, so that the defect measures grid error;
-/// it is reported, not corrected. W₀ and W_L are the widths at the ends themselves.
-pub fn mass_budget_defect(model: &Model, s: &State) -> f64 {
-    let p = model.parameters();
-    let inflow = p.calving_flux_m2_per_a() * model.fjord().width(0.0);
-    let melted: f64 = s.cell_x_m().iter().map(|x| model.fjord().width(*x) * s.dx_m()).sum::<f64>()
-        * p.melt_rate_m_per_a();
-    let outflow = s.velocity_m_per_a[s.n_cells()] * p.d_m * model.fjord().width(s.length_m);
-    (inflow - melted - outflow) / inflow
-}
-
 /// Share of the interior cells, those that carry the fluidity equation, with μ > μ_s.
 pub fn yielding_fraction(model: &Model, s: &State) -> f64 {
     let interior = 1..s.n_cells() - 1;

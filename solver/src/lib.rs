@@ -10,34 +10,88 @@
 //! |---|---|
 //! | Eq. 21, C2, C3: balance of stresses; Eqs. 22, 23: its ends | [`physics::momentum::residual`] |
 //! | Eqs. 16–18, C4: longitudinal fluidity | [`physics::fluidity::residual`] |
-//! | Eqs. 24–26, C5, C6: transverse problem | [`physics::sidewall`] |
+//! | Eqs. 24–26, C5, C6: transverse problem | [`physics::sidewall`]; its profiles: [`transect`] |
 //! | Eq. 27, C7, C9: mass; C1: H_L = d | [`physics::continuity::residual`] |
 //! | C8 and what replaces it | [`physics::closure`] |
+//! | Eq. 31 and other calving laws | [`physics::terminus`] |
 //! | Eqs. 29, 30: force on the terminus | [`force`] |
+//! | Eq. 28, budget, caveats | [`diagnose`] |
 //! | Appendix B: scales | [`state::scale`] |
-//! | §3.1: steady states | [`steady`] |
-//! | §3.2: transients | [`transient`] |
+//! | §3.1: steady states; quasi-static states | [`steady`]; [`quasi_static`] |
+//! | §3.2: transients, seasons | [`transient`], [`forcing`] |
+//!
+//! A [`Model`] is what is solved for; a [`Solver`] keeps the buffers:
+//!
+//! ```
+//! use melange_solver::params::Parameters;
+//! use melange_solver::physics::closure::UpstreamClosure;
+//! use melange_solver::steady::SteadyVerdict;
+//! use melange_solver::{Model, Solver, force};
+//!
+//! let parameters = Parameters { melt_rate_m_per_day: 0.7, ..Parameters::default() };
+//! let model = Model::new(parameters, UpstreamClosure::Published)?;
+//! if let SteadyVerdict::Converged { solution, .. } = Solver::new(model).steady(None)? {
+//!     let force = force::force_n_per_m(&solution.state);
+//!     assert!((force - 5.021e6).abs() < 1e3);
+//! }
+//! # Ok::<(), melange_solver::error::SolveError>(())
+//! ```
+//!
+//! # The closure at the terminus decides the force
+//!
+//! U₀H₀ = U_cH_t serves the momentum equation; the mass equation is left without a condition where its
+//! characteristics enter, and what is put there ([`physics::closure`]) moves the force by a quarter. Base
+//! case; the order is that observed on the last three grids, and F/W is in 10⁶ N/m. What the other
+//! cases of the paper's figures say: `docs/reproduction.md`.
+//!
+//! | closure | N | H₀ m | L m | F/W | order of H₀, L, F |
+//! |---|---|---|---|---|---|
+//! | `published`, ∂²H/∂x² = 0 | 50 | 149.415 | 12048.0 | 8.1563 | |
+//! | | 100 | 149.555 | 12013.5 | 8.1286 | |
+//! | | 200 | 149.234 | 11996.4 | 8.1006 | |
+//! | | 400 | 148.458 | 11987.6 | 8.0642 | not asymptotic, 0.97, not asymptotic |
+//! | `no_stretching`, ∂U/∂x = 0 | 50 | 112.115 | 11932.1 | 6.1047 | |
+//! | | 100 | 112.211 | 11907.2 | 6.1152 | |
+//! | | 200 | 112.258 | 11894.4 | 6.1203 | |
+//! | | 400 | 112.282 | 11887.9 | 6.1229 | 1.01, 0.98, 1.01 |
+//! | `printed`, C8 | | 83…91 | | 3.95…8.2 | none: a family, the start picks the member |
 //!
 //! # Deviations from the printed paper
 //!
-//! 1. Eqs. 3 and 5 print (1 − ρ_w/ρ), which is negative; (1 − ρ/ρ_w) is used. Without it no pressure.
-//! 2. C1 lacks a division by two; H_L is the linear extrapolation (3H_{N−½} − H_{N−3/2})/2.
-//! 3. Eq. 22 takes H₀ extrapolated in the same way, not the first cell's thickness.
-//! 4. C6 lacks Eq. 26's factor two, which stays.
-//! 5. C8 leaves the steady state undetermined (H₀ from 83 to 91 m for the base case, depending on the
-//!    start); by default the first mass row is H½ − 2H₃⸝₂ + H₅⸝₂ = 0, which gives the paper's figures
-//!    (149.4 m). See [`physics::closure`].
-//! 6. δε̇, for which the paper prints no value, is 1 a⁻¹ and enters μ = (|ε̇_xx| + δε̇)/g^x alone.
-//! 7. sgn(U) of Eq. 21 is the sign of the velocity relative to the walls, U + U_t − U_c; the same
-//!    number wherever the paper's figures have U > 0.
-//! 8. W is read at the bedrock position X₀ + χL, so that the walls stay where they are when the
-//!    terminus moves; the same for a fixed terminus.
+//! Effects are those on the base case at N = 50: H₀ = 149.4 m, L = 12,048 m, F/W = 8.156·10⁶ N/m.
+//!
+//! 1. Eqs. 3 and 5 print (1 − ρ_w/ρ), which is negative; (1 − ρ/ρ_w) is used. As printed there is no
+//!    pressure and no solution.
+//! 2. C1 lacks a division by two; H_L is the linear extrapolation (3H_{N−½} − H_{N−3/2})/2. As printed the
+//!    mélange would end at H = d/2: H₀ = 126.0 m, L = 13,264 m, F/W = 5.50·10⁶ N/m.
+//! 3. Eq. 22 takes H₀ extrapolated in the same way, not the first cell's thickness, with which H₀ = 153.3 m,
+//!    L = 12,248 m, F/W = 8.59·10⁶ N/m.
+//! 4. C6 lacks Eq. 26's factor two, which stays. Without it H₀ = 182.4 m, L = 12,539 m,
+//!    F/W = 12.4·10⁶ N/m.
+//! 5. C8 leaves the steady state undetermined (H₀ from 83 to 91 m, F/W from 3.95 to 8.2·10⁶ N/m, depending on
+//!    the start); by default the first mass row is H½ − 2H₃⸝₂ + H₅⸝₂ = 0, which gives the paper's figures.
+//! 6. δε̇, for which the paper prints no value, is 1 a⁻¹ and enters μ = (|ε̇_xx| + δε̇)/g^x alone. It is no
+//!    numerical detail: 0.1 a⁻¹ gives H₀ = 269.0 m and F/W = 20.4·10⁶ N/m, 10 a⁻¹ gives 85.1 m and
+//!    3.22·10⁶ N/m.
+//! 7. The pressure in Eq. 17 along the fjord is the isometric P = P̃ g^x/(g^x + ε̇_xx) of the text, plain P̃
+//!    across. With P̃ in both F/W = 8.149·10⁶ N/m.
+//! 8. sgn(U) of Eq. 21 is the sign of the velocity relative to the walls, U + U_t − U_c; the same
+//!    number wherever the paper's figures have U > 0, and the only one at rest, where U = 0.
+//! 9. W is read at the bedrock position X₀ + χL, so that the walls stay where they are when the
+//!    terminus moves; the same for a fixed terminus. With dW/dx = 0.02 a terminus that has advanced
+//!    500 m meets walls 10 m wider, which moves the steady force by 1.0 %.
+//! 10. Steps of controlled error are of second order; the paper's, backward Euler with Δt = 0.01 a, are in
+//!     error by up to 0.4 % in H₀ and 0.8 % in F over the seasons of Fig. 7, and 1.1 % where the forcing is
+//!     taken at the start of the step, as its scripts do (`Plan::is_lagged`).
+//! 11. A calving law that asks for a negative rate gets 0, and the result says so.
 
+pub mod diagnose;
 pub mod diagnostic;
 pub mod error;
 pub mod fjord;
 pub mod force;
 pub mod forcing;
+pub mod grid_error;
 pub mod interpolate;
 pub mod linalg;
 pub mod melt;
@@ -50,6 +104,7 @@ mod smoothing;
 pub mod state;
 pub mod steady;
 mod timestep;
+pub mod transect;
 pub mod transient;
 
 use error::SolveError;
@@ -84,10 +139,10 @@ impl Model {
         Ok(Self { parameters, fjord, melt_shape: MeltShape::default(), closure })
     }
 
-    /// The same in another fjord, which replaces width and gradient.
+    /// The same in another fjord, of which the parameters tell the width at x = 0 and the mean gradient.
     pub fn in_fjord(mut self, fjord: Fjord) -> Self {
         self.parameters.width_m = fjord.width(0.0);
-        self.parameters.width_gradient = fjord.slope(0.0);
+        self.parameters.width_gradient = fjord.mean_gradient();
         Self { fjord, ..self }
     }
 

@@ -105,6 +105,27 @@ impl<J: Linear> Workspace<J> {
         relative.fold(0.0, f64::max)
     }
 
+    /// Whether a residual of this norm is no more than what changes of the iterate's last digits do to
+    /// it: there is then no better root in this arithmetic. The sides alternate, because neighbours'
+    /// differences are what loses digits.
+    fn is_noise<S: System>(&mut self, system: &mut S, norm: f64) -> bool {
+        /// Multiples of the residual's change that are noise still: several operations are rounded, not one.
+        const ROUNDINGS: f64 = 4.0;
+        /// Places between an unknown and its neighbour along the mélange, for all but μ_w.
+        const NEIGHBOUR: usize = 3;
+        for (i, (trial, x)) in self.trial.iter_mut().zip(&self.x).enumerate() {
+            let side = if (i / NEIGHBOUR).is_multiple_of(2) { 1.0 } else { -1.0 };
+            *trial = x * (1.0 + side * f64::EPSILON);
+        }
+        if system.residual(&self.trial, &mut self.correction).is_err() {
+            return false;
+        }
+        for (changed, residual) in self.correction.iter_mut().zip(&self.residual) {
+            *changed -= residual;
+        }
+        norm <= ROUNDINGS * norm2(&self.correction)
+    }
+
     /// Natural monotonicity test (Deuflhard 2011, §3.3). The residual's norm depends on how rows are
     /// scaled; the simplified Newton correction at the trial point does not.
     fn correction_shrinks(&mut self, share: f64) -> bool {
@@ -143,15 +164,24 @@ fn iterate<S: System>(
     /// Relative size of steps that may be rounding: the residual's differences of neighbouring
     /// velocities lose up to ten digits in a short mélange.
     const ROUNDING: f64 = 1e-7;
+    /// Steps below this, relative, are followed by a look at the noise if twice in a row the residual
+    /// has not halved.
+    const NEARLY_THERE: f64 = 1e-2;
 
     debug_assert_eq!(w.x.len(), system.unknowns());
     system
         .linearise(&w.x, &mut w.residual, &mut w.jacobian)
         .map_err(|_| NewtonFailure::OutsideDomain)?;
     let mut last_change = f64::INFINITY;
+    let mut stagnations = 0;
     for iteration in 1..=limits.iterations {
         let norm = norm2(&w.residual);
+        let stagnates = w.history.last().is_some_and(|last| norm > 0.5 * last);
+        stagnations = if stagnates { stagnations + 1 } else { 0 };
         w.history.push(norm);
+        if stagnations >= 2 && last_change < NEARLY_THERE && w.is_noise(system, norm) {
+            return Ok(Root { iterations: iteration, residual_norm: norm });
+        }
         w.jacobian.factorise().map_err(|_| NewtonFailure::Singular)?;
         for (step, residual) in w.step.iter_mut().zip(&w.residual) {
             *step = -residual;

@@ -107,7 +107,9 @@ impl Solver {
                 self.of_volume(volume_m3)?
             }
         };
-        let solution = self.solution(root);
+        let mut solution = self.solution(root);
+        // What is left of U is rounding.
+        solution.state.velocity_m_per_a.fill(0.0);
         let h0 = solution.state.thickness_0_m();
         self.model.check_reach(0.0, solution.state.length_m)?;
         Ok(if h0 >= terminus_thickness_m {

@@ -2,7 +2,7 @@
 //!
 //! |μ − μ_s| and the cut-off of g_loc have kinks, and the discrete problem has several roots because
 //! of them. The right root is the limit of the smoothed problem: with the kinks rounded by ε (see
-//! [`crate::physics::fluidity`]), ε goes from 1e-2 to 0 and each level is solved from the last.
+//! [`crate::physics::fluidity`]), ε goes from 3e-2 to 0 and each level is solved from the last.
 
 use crate::error::SolveError;
 use crate::newton::{Limits, Root};
@@ -10,9 +10,9 @@ use crate::physics::fluidity::{Relaxation, yield_excess};
 use crate::state::State;
 use crate::{Solver, Task};
 
-/// ε of the smoothing, from the first level to the model itself.
+/// ε of the smoothing, as a share of μ, from the first level to the model itself.
 pub(crate) const LEVELS: [f64; 14] =
-    [1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 0.0];
+    [3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 0.0];
 
 /// What is being done, for errors.
 pub(crate) const STAGE: &str = "taking the smoothing of the rheology's kinks to zero";
@@ -56,7 +56,7 @@ impl Solver {
         root
     }
 
-    /// μ − μ_s of the iterate's interior cells.
+    /// 1 − μ_s/μ of the iterate's interior cells.
     fn yield_excesses(&self) -> Vec<f64> {
         let n = self.model.parameters.n_cells;
         let mut state = State::zeros(n);
@@ -64,7 +64,7 @@ impl Solver {
         (1..n - 1).map(|c| yield_excess(&self.model.parameters, &state, c)).collect()
     }
 
-    /// Newton's method from the iterate; from where the fluidity relaxes to, if that fails.
+    /// Newton's method from the iterate; from where fluidity and friction relax to, if that fails.
     pub(crate) fn solve_or_relax(
         &mut self,
         task: Task<'_>,
@@ -78,23 +78,29 @@ impl Solver {
         })
     }
 
-    /// Pseudo-time steps of the fluidity alone, until Newton's method converges without them.
+    /// Pseudo-time steps of fluidity and friction alone, until Newton's method converges without them.
     fn relax(&mut self, task: Task<'_>, stage: &'static str) -> Result<Root, SolveError> {
         const STEPS: usize = 80;
         const GROWTH: f64 = 3.0;
         const SHRINK: f64 = 0.1;
-        /// Pseudo-steps between this and its inverse, in units of Δx².
+        /// Pseudo-steps between this and its inverse, in units of the fluidity's and the friction's own.
         const RANGE: f64 = 1e6;
 
         let limits = Limits { iterations: 15, ..Limits::default() };
         let mut state = State::zeros(self.model.parameters.n_cells);
         state.unpack(&self.newton.x);
+        // The fluidity's own lengths are Δx and ξ = Ad/√|μ − μ_s|, the friction's own speed is U.
+        let p = &self.model.parameters;
+        let unit_per_m2 = state.dx_m().powi(-2) + (p.A * p.d_m).powi(-2);
+        let unit_speed = state.velocity_m_per_a.iter().fold(1.0, |a: f64, u| a.max(u.abs()));
         let mut step = 1.0;
         let mut failure = None;
         for _ in 0..STEPS {
             let relaxation = (step < RANGE).then(|| Relaxation {
                 fluidity_per_a: &state.fluidity_per_a,
-                rate_per_m2: 1.0 / (step * state.dx_m().powi(2)),
+                rate_per_m2: unit_per_m2 / step,
+                mu_w: &state.mu_w,
+                speed_per_mu: unit_speed / step,
             });
             let relaxed = Task { relaxation, ..task };
             match self.solve_from_iterate(relaxed, limits, stage) {
@@ -114,7 +120,7 @@ impl Solver {
             }
         }
         Err(failure.unwrap_or(SolveError::UnusableState {
-            what: "its fluidity does not settle in pseudo-time".into(),
+            what: "its fluidity and friction do not settle in pseudo-time".into(),
         }))
     }
 }

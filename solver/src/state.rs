@@ -31,6 +31,21 @@ impl State {
         }
     }
 
+    /// The state whose every number is a function of the same numbers of states with as many cells.
+    pub fn combined<const K: usize>(states: [&State; K], number: impl Fn([f64; K]) -> f64) -> Self {
+        let all = |get: fn(&State) -> &[f64]| {
+            let arrays = states.map(get);
+            (0..arrays[0].len()).map(|i| number(arrays.map(|a| a[i]))).collect()
+        };
+        Self {
+            velocity_m_per_a: all(|s| &s.velocity_m_per_a),
+            mu_w: all(|s| &s.mu_w),
+            thickness_m: all(|s| &s.thickness_m),
+            fluidity_per_a: all(|s| &s.fluidity_per_a),
+            length_m: number(states.map(|s| s.length_m)),
+        }
+    }
+
     /// Number of cells N.
     pub fn n_cells(&self) -> usize {
         self.thickness_m.len()
@@ -134,7 +149,7 @@ pub enum Var {
 
 impl Var {
     /// Place in the packed vector of N cells; none for [`Var::Calving`].
-    #[inline]
+    #[inline(always)]
     pub fn index(self, n_cells: usize) -> Option<usize> {
         match self {
             Var::U(j) => Some(3 * j),
@@ -147,7 +162,7 @@ impl Var {
     }
 
     /// Unit of the packed unknown in SI metres and years.
-    #[inline]
+    #[inline(always)]
     pub fn scale(self) -> f64 {
         match self {
             Var::U(_) | Var::Calving => scale::VELOCITY,

@@ -73,13 +73,15 @@ impl Model {
     /// Refuses what has no steady state by construction.
     pub fn check_steady(&self) -> Result<(), ParameterError> {
         let p = self.parameters();
-        if p.terminus_velocity_m_per_a != p.calving_rate_m_per_a && !self.fjord().is_constant() {
+        let depends_on_place =
+            !self.fjord().is_constant() || self.melt_shape().depends_on_bedrock();
+        if p.terminus_velocity_m_per_a != p.calving_rate_m_per_a && depends_on_place {
             return Err(ParameterError::Contradiction {
                 name: "calving_rate_m_per_a",
                 value: p.calving_rate_m_per_a,
                 permitted: format!(
-                    "a terminus that moves through a fjord of varying width has no steady state; \
-                     the terminus velocity ({} m a-1) or width_gradient = 0",
+                    "the terminus velocity ({} m a-1): a terminus that moves through a fjord of varying \
+                     width, or past melt that is fixed to the bedrock, has no steady state",
                     p.terminus_velocity_m_per_a
                 ),
             });
@@ -92,23 +94,53 @@ impl Solver {
     /// The steady state; `near` is a neighbour's root at the first level of smoothing, which saves
     /// time and does not change the answer.
     pub fn steady(&mut self, near: Option<&State>) -> Result<SteadyVerdict, SolveError> {
+        if let Some(verdict) = self.steady_by_construction()? {
+            return Ok(verdict);
+        }
+        let n = self.model.parameters.n_cells;
+        let near = near.filter(|s| s.check(n).is_ok());
+        self.steady_first_from(near.map(|near| (near.clone(), FIRST_STEP_WARM_A)))
+    }
+
+    /// The steady state, sought first from a geometry: H (\[N\] m) and L (m). It does not change the
+    /// answer.
+    pub fn steady_from(
+        &mut self,
+        thickness_m: &[f64],
+        length_m: f64,
+    ) -> Result<SteadyVerdict, SolveError> {
+        self.guess(thickness_m, length_m)?;
+        if let Some(verdict) = self.steady_by_construction()? {
+            return Ok(verdict);
+        }
+        let start = self.diagnostic_at(thickness_m, length_m, &LEVELS[..1]).ok();
+        self.steady_first_from(start.map(|start| (start, FIRST_STEP_A)))
+    }
+
+    /// Refuses what has no one steady state; the verdict where there can be none.
+    fn steady_by_construction(&mut self) -> Result<Option<SteadyVerdict>, SolveError> {
         self.model.check_steady()?;
         if self.model.closure == UpstreamClosure::Printed {
             return Err(SolveError::ClosureLeavesFamily { closure: self.model.closure.name() });
         }
         self.iterations = 0;
-        if self.model.parameters.calving_flux_m2_per_a() == 0.0 {
-            let evidence = "no ice enters (calving rate 0), so the mélange has no steady length";
-            return Ok(SteadyVerdict::NoSteadyState(evidence.into()));
-        }
-        let n = self.model.parameters.n_cells;
-        if let Some(near) = near.filter(|s| s.check(n).is_ok())
-            && let Ok(March::Settled(_)) = self.march(near.clone(), FIRST_STEP_WARM_A, LEVELS[0])
+        let evidence = "no ice enters (calving rate 0), so the mélange has no steady length";
+        Ok((self.model.parameters.calving_flux_m2_per_a() == 0.0)
+            .then(|| SteadyVerdict::NoSteadyState(evidence.into())))
+    }
+
+    /// The steady state by a march from a state with a first step in a, if it leads to one. A start that
+    /// leads nowhere says nothing about this mélange, so that the regular ones follow.
+    fn steady_first_from(
+        &mut self,
+        start: Option<(State, f64)>,
+    ) -> Result<SteadyVerdict, SolveError> {
+        if let Some((start, first_dt_a)) = start
+            && let Ok(March::Settled(_)) = self.march(start, first_dt_a, LEVELS[0])
             && let Ok(verdict @ SteadyVerdict::Converged { .. }) = self.descend_from(LEVELS[0])
         {
             return Ok(verdict);
         }
-        // A neighbour that leads nowhere says nothing about this mélange.
         self.steady_cold()
     }
 
@@ -269,6 +301,7 @@ impl Solver {
             Err(verdict) => return Ok(verdict),
         };
         let solution = self.solution(root);
+        self.model.check_reach(0.0, solution.state.length_m)?;
         let h0 = solution.state.thickness_0_m();
         if h0 >= p.terminus_thickness_m {
             return Ok(SteadyVerdict::Overthick(format!(

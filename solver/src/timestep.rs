@@ -12,7 +12,7 @@ use crate::transient::{Ending, Evolution};
 const FIRST_STEP_A: f64 = 1e-3;
 /// A shorter step than this is given up, a.
 const SHORTEST_STEP_A: f64 = 1e-10;
-/// The tolerance is spent over this time, the paper's scale [τ] = [L]/[U], so that the error of a result
+/// The tolerance is spent over this time, the paper's time scale (Appendix B), so that the error of a result
 /// is about the tolerance, however many steps there are; longer steps may spend it at once. a.
 const SPENT_OVER_A: f64 = scale::LENGTH / scale::VELOCITY;
 /// Share of the step that the error would allow.
@@ -173,32 +173,27 @@ impl Solver {
         let r = dt_a / dt1_a;
         let per_step = (1.0 + 2.0 * r) / ((1.0 + r) * dt_a);
         let weight = [(1.0 + r).powi(2) / (1.0 + 2.0 * r), r * r / (1.0 + 2.0 * r)];
-        let mean = |y1: f64, y2: f64| weight[0] * y1 - weight[1] * y2;
-        let thickness_m: Vec<f64> = (last.state.thickness_m.iter().zip(&old.state.thickness_m))
-            .map(|(y1, y2)| mean(*y1, *y2))
-            .collect();
-        let before = Before {
-            per_step,
-            thickness_m: &thickness_m,
-            length_m: mean(last.state.length_m, old.state.length_m),
-        };
-        let from_x_m = mean(last.terminus_x_m, old.terminus_x_m);
+        let mean = |[y1, y2]: [f64; 2]| weight[0] * y1 - weight[1] * y2;
+        let past = State::combined([&last.state, &old.state], mean);
+        let before = Before { per_step, thickness_m: &past.thickness_m, length_m: past.length_m };
+        let from_x_m = mean([last.terminus_x_m, old.terminus_x_m]);
 
         // Newton's form of the quadratic through the past, at the new time.
-        let predicted = |y: fn(&State) -> f64| {
-            let slope1 = (y(&last.state) - y(&old.state)) / dt1_a;
-            let slope2 = (y(&old.state) - y(&oldest.state)) / dt2_a;
-            let bend = (slope1 - slope2) / (dt1_a + dt2_a);
-            y(&last.state) + dt_a * (slope1 + (dt_a + dt1_a) * bend)
-        };
+        let predictor =
+            State::combined([&last.state, &old.state, &oldest.state], |[y0, y1, y2]| {
+                let (slope1, slope2) = ((y0 - y1) / dt1_a, (y1 - y2) / dt2_a);
+                y0 + dt_a * (slope1 + (dt_a + dt1_a) * (slope1 - slope2) / (dt1_a + dt2_a))
+            });
         self.set_parameters(run, to_a);
         let advance = self.moving_from(run, from_x_m, 1.0 / per_step);
-        let root = self.step(&last.state, before, advance)?;
+        let is_state = predictor.check(predictor.n_cells()).is_ok();
+        let guess = if is_state { &predictor } else { &last.state };
+        let root = self.step(guess, before, advance)?;
         self.accept(run, root, from_x_m, 1.0 / per_step);
         let share = 1.0 / (1.0 + per_step * (dt_a + dt1_a + dt2_a));
         let error = |y: fn(&State) -> f64| {
             let now = y(&run.end.state);
-            share * (now - predicted(y)).abs() / now.abs()
+            share * (now - y(&predictor)).abs() / now.abs()
         };
         Ok(error(|s| s.length_m).max(error(State::thickness_0_m)) / tolerance)
     }

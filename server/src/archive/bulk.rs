@@ -42,6 +42,7 @@ pub fn gather(
                 .map_err(damaged)?;
             for path in paths {
                 for batch in read::open(archive, path)? {
+                    let batch = batch.and_then(|batch| kind.conform(&batch));
                     let batch = batch.map_err(|e| damaged(e.into()))?;
                     writer.write(&batch).map_err(damaged)?;
                 }
@@ -55,6 +56,7 @@ pub fn gather(
             writer.write_record(schema.fields().iter().map(|f| f.name())).map_err(csv_fault)?;
             for path in paths {
                 for batch in read::open(archive, path)? {
+                    let batch = batch.and_then(|batch| kind.conform(&batch));
                     let batch = batch.map_err(|e| damaged(e.into()))?;
                     for row in 0..batch.num_rows() {
                         writer.write_record(cells(&batch, row)).map_err(csv_fault)?;

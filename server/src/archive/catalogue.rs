@@ -12,8 +12,16 @@ use sqlx::{AssertSqlSafe, QueryBuilder, Row, Sqlite, sqlite::SqliteRow};
 use utoipa::ToSchema;
 
 /// Columns of the runs that are neither parameters nor scalars.
-const TEXT_COLUMNS: [&str; 6] =
-    ["run_id", "status", "detail", "regime", "upstream_closure", "root_evidence"];
+const TEXT_COLUMNS: [&str; 8] = [
+    "run_id",
+    "status",
+    "detail",
+    "regime",
+    "upstream_closure",
+    "root_evidence",
+    "validity",
+    "grid_convergence",
+];
 const WHOLE_COLUMNS: [&str; 2] = ["run_index", "iterations"];
 
 /// Adds a chunk's files and runs, within the caller's transaction.
@@ -43,7 +51,7 @@ pub async fn insert(
     }
     let mut insert = QueryBuilder::<Sqlite>::new(
         "INSERT INTO runs (sweep_id, chunk, run_index, run_id, status, detail, regime, \
-         upstream_closure, root_evidence, iterations",
+         upstream_closure, root_evidence, validity, grid_convergence, iterations",
     );
     let names = PARAMETERS.iter().map(|p| p.name).chain(SCALARS.iter().map(|s| s.name));
     for name in names {
@@ -61,6 +69,8 @@ pub async fn insert(
             .push_bind(&o.regime)
             .push_bind(&o.upstream_closure)
             .push_bind(&o.root_evidence)
+            .push_bind(&o.validity)
+            .push_bind(&o.grid_convergence)
             .push_bind(o.iterations as i64);
         for p in &PARAMETERS {
             row.push_bind((p.get)(&o.parameters.0));

@@ -69,6 +69,10 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
         scalars: entry.scalars,
         iterations: entry.row.0.get("iterations").and_then(|v| v.as_u64()).unwrap_or_default(),
         root_evidence: Some(text("root_evidence")).filter(|t| !t.is_empty()),
+        validity: Some(text("validity")).filter(|t| !t.is_empty()),
+        grid_convergence: Some(text("grid_convergence")).filter(|t| !t.is_empty()),
+        grid_error: None,
+        transects: Vec::new(),
         profile,
         series,
         states,
@@ -104,11 +108,15 @@ fn series(archive: &Path, path: &str, run_id: &str) -> Result<Series, ArchiveErr
         let batch = batch.map_err(|e| damaged(path, e))?;
         let ids: &StringArray = column(&batch, path, "run_id")?;
         for info in SERIES {
-            let values: &Float64Array = column(&batch, path, info.name)?;
+            // A column that is younger than the file is missing, like a number that does not exist.
+            let values: Option<&Float64Array> = match batch.column_by_name(info.name) {
+                Some(_) => Some(column(&batch, path, info.name)?),
+                None => None,
+            };
             let rows = (0..batch.num_rows()).filter(|row| ids.value(*row) == run_id);
-            (info.get_mut)(&mut found).extend(
-                rows.map(|row| if values.is_valid(row) { values.value(row) } else { f64::NAN }),
-            );
+            let number =
+                |row| values.filter(|v| v.is_valid(row)).map_or(f64::NAN, |v| v.value(row));
+            (info.get_mut)(&mut found).extend(rows.map(number));
         }
     }
     Ok(found)

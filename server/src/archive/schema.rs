@@ -1,4 +1,4 @@
-//! The Parquet schema, version 1: columns, units, meanings, and the arrays of solved runs. The tables
+//! The Parquet schema, version 2: columns, units, meanings, and the arrays of solved runs. The tables
 //! of the domain say which columns there are.
 
 use super::SolvedRun;
@@ -7,13 +7,13 @@ use crate::domain::parameters::PARAMETERS;
 use arrow_array::builder::{
     BooleanBuilder, Float64Builder, Int64Builder, ListBuilder, StringBuilder,
 };
-use arrow_array::{ArrayRef, RecordBatch};
-use arrow_schema::{DataType, Field, Schema};
+use arrow_array::{ArrayRef, RecordBatch, new_null_array};
+use arrow_schema::{ArrowError, DataType, Field, Schema};
 use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the schema, in the footer of each file and in the catalogue.
-pub const SCHEMA_VERSION: i64 = 1;
+pub const SCHEMA_VERSION: i64 = 2;
 
 /// The tables of the archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,6 +65,19 @@ impl Kind {
     }
 }
 
+impl Kind {
+    /// A file's rows in this version's columns: a column that is younger than the file is null.
+    pub fn conform(self, batch: &RecordBatch) -> Result<RecordBatch, ArrowError> {
+        let schema = self.schema();
+        let column = |field: &Arc<Field>| {
+            let found = batch.column_by_name(field.name()).cloned();
+            found.unwrap_or_else(|| new_null_array(field.data_type(), batch.num_rows()))
+        };
+        let columns = schema.fields().iter().map(column).collect();
+        RecordBatch::try_new(schema, columns)
+    }
+}
+
 fn field(name: &str, kind: DataType, nullable: bool, unit: &str, meaning: &str) -> Field {
     Field::new(name, kind, nullable).with_metadata(HashMap::from([
         ("unit".to_owned(), unit.to_owned()),
@@ -94,7 +107,13 @@ fn run_fields() -> Vec<Field> {
         fields.push(field(s.name, DataType::Float64, true, s.unit, s.meaning));
     }
     fields.push(field("iterations", DataType::Int64, false, "1", "Newton iterations"));
-    fields.push(field("root_evidence", DataType::Utf8, true, "1", "rule that picked the root"));
+    for (name, meaning) in [
+        ("root_evidence", "rule that picked the root"),
+        ("validity", "what the state does that the model is not made for; null if nothing"),
+        ("grid_convergence", "what three grids say of the errors; null if not asked for"),
+    ] {
+        fields.push(field(name, DataType::Utf8, true, "1", meaning));
+    }
     fields
 }
 
@@ -134,6 +153,8 @@ fn run_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
     }
     columns.push(whole(&|r| r.outcome.iterations as i64));
     columns.push(text(|r| r.outcome.root_evidence.as_deref()));
+    columns.push(text(|r| r.outcome.validity.as_deref()));
+    columns.push(text(|r| r.outcome.grid_convergence.as_deref()));
     columns
 }
 

@@ -1,8 +1,8 @@
 //! Whether a stored run can be the start of a sweep's runs.
 
 use super::{ArchiveError, catalogue};
-use crate::domain::document::Start;
 use crate::domain::refusal::Refusal;
+use crate::domain::start::Start;
 use crate::domain::sweep::SweepSpec;
 use crate::store::Store;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub async fn check(
     let n_cells = p.n_cells;
     let sweep = sweep.clone();
     let misfit = tokio::task::spawn_blocking(move || {
-        (0..sweep.count()).map(|i| sweep.run(i).parameters).find_map(|p| {
+        (0..sweep.count()).map(|i| *sweep.run(i).parameters()).find_map(|p| {
             if p.n_cells != n_cells {
                 Some(format!("a run with n_cells = {}, and it has {n_cells}", p.n_cells))
             } else if !(h0 > p.d_m && h0 < p.terminus_thickness_m) {

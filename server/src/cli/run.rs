@@ -1,8 +1,9 @@
 //! `melange run`: one scenario, solved here and now.
 
-use crate::domain::document::{Document, Start};
+use crate::domain::document::Document;
 use crate::domain::outcome::{self, Outcome, SCALARS};
 use crate::domain::refusal::Refusal;
+use crate::domain::start::Start;
 use crate::domain::status::Status;
 use crate::worker::solve::Walker;
 use anyhow::Context;
@@ -57,7 +58,7 @@ pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
 
 fn solve(text: &str) -> Result<Outcome, Refusal> {
     let run = Document::parse(text)?.into_run()?;
-    if let Some(Start::Run(id)) = &run.start {
+    if let Some(Start::Run(id)) = &run.shared.start {
         return Err(Refusal::value(
             "start.run",
             id.as_str(),
@@ -85,6 +86,13 @@ fn as_text(outcome: &Outcome) -> String {
         if let Some(value) = (info.get)(&outcome.scalars) {
             let unit = if info.unit == "1" { "" } else { info.unit };
             lines.push(format!("  {:<28} {value:>16.9e} {unit:<6} {}", info.name, info.meaning));
+        }
+    }
+    for (name, text) in
+        [("validity", &outcome.validity), ("grid_convergence", &outcome.grid_convergence)]
+    {
+        if let Some(text) = text {
+            lines.push(format!("  {name:<28} {text}"));
         }
     }
     lines.join("\n")

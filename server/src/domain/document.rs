@@ -1,11 +1,14 @@
 //! A scenario or sweep as it is written, in JSON or TOML: names and types, no meaning yet. An unknown
 //! or doubled name is an error here; what the names mean is checked in `run` and `sweep`.
 
+use super::along::{FjordTable, MeltForm};
+use super::entries::Entries;
+use super::forcing::{CalvingForm, CourseForm};
 use super::refusal::Refusal;
-use serde::de::{Deserializer, Error, MapAccess, Visitor, value::MapAccessDeserializer};
-use serde::{Deserialize, Serialize, Serializer};
+use super::start::Start;
+use super::time::Time;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::fmt;
 use utoipa::ToSchema;
 
 /// Every member a scenario or a sweep may have.
@@ -21,7 +24,7 @@ pub struct Document {
     /// Parameters by name; what is not given has the default.
     #[serde(default, skip_serializing_if = "Entries::is_empty")]
     #[schema(value_type = std::collections::BTreeMap<String, f64>)]
-    pub parameters: Entries,
+    pub parameters: Entries<f64>,
     /// Where a diagnostic or transient run starts.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
@@ -35,33 +38,36 @@ pub struct Document {
     /// The axes of a sweep; their grid, the last one fastest.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axes: Vec<Axis>,
-    /// `uniform`; other shapes are not there yet.
+    /// How the melt rate is spread: a name, factors over χ, or factors over x.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub melt_shape: Option<Value>,
-    /// Not there yet.
+    #[schema(value_type = Option<Object>)]
+    pub melt_shape: Option<MeltForm>,
+    /// Widths along the fjord, instead of `width_m` and `width_gradient`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub fjord: Option<Value>,
-    /// Not there yet.
+    pub fjord: Option<FjordTable>,
+    /// Courses in time by parameter; only for a transient.
+    #[serde(default, skip_serializing_if = "Entries::is_empty")]
+    #[schema(value_type = std::collections::BTreeMap<String, CourseForm>)]
+    pub forcing: Entries<CourseForm>,
+    /// What sets the calving rate: `steady_feedback` or a law; only for a transient.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub forcing: Option<Value>,
-    /// Not there yet.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub calving_law: Option<Value>,
+    #[schema(value_type = Option<Object>)]
+    pub calving_law: Option<CalvingForm>,
     /// Not there yet.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sample: Option<Value>,
     /// Not there yet.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub table: Option<Value>,
-    /// Not there yet (quasi-static).
+    /// L of a quasi-static mélange, m.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub length_m: Option<Value>,
-    /// Not there yet (quasi-static).
+    pub length_m: Option<f64>,
+    /// H₀ of a quasi-static mélange, m.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub thickness_0_m: Option<Value>,
-    /// Not there yet (quasi-static).
+    pub thickness_0_m: Option<f64>,
+    /// Volume of a quasi-static mélange, m³.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub volume_m3: Option<Value>,
+    pub volume_m3: Option<f64>,
 }
 
 /// What is solved for.
@@ -74,7 +80,7 @@ pub enum Regime {
     Diagnostic,
     /// Evolution in time.
     Transient,
-    /// Not there yet.
+    /// A mélange at rest in front of a terminus that pushes it along.
     QuasiStatic,
     /// Not there yet.
     Branch,
@@ -99,138 +105,6 @@ impl Regime {
     }
 }
 
-/// Names and numbers in the order written, doubled names included, so that they can be refused.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Entries(pub Vec<(String, f64)>);
-
-impl Entries {
-    /// Whether nothing was written.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-}
-
-impl Serialize for Entries {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.0.iter().map(|(name, value)| (name, value)))
-    }
-}
-
-impl<'de> Deserialize<'de> for Entries {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Pairs;
-        impl<'de> Visitor<'de> for Pairs {
-            type Value = Entries;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("parameters by name, each a number")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Entries, A::Error> {
-                let mut entries = Vec::new();
-                while let Some(name) = map.next_key::<String>()? {
-                    let value =
-                        map.next_value().map_err(|e| A::Error::custom(format!("`{name}`: {e}")))?;
-                    entries.push((name, value));
-                }
-                Ok(Entries(entries))
-            }
-        }
-        deserializer.deserialize_map(Pairs)
-    }
-}
-
-/// Where a run starts.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Start {
-    /// The steady state of the run's parameters.
-    Steady,
-    /// H linear from `thickness_0_m` at x = 0 to d at x = L.
-    Wedge(Wedge),
-    /// The last state of a stored run.
-    Run(String),
-}
-
-/// A wedge to start from.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Wedge {
-    /// L, m.
-    pub length_m: f64,
-    /// H₀, m.
-    pub thickness_0_m: f64,
-}
-
-impl Serialize for Start {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Start::Steady => serializer.serialize_str("steady"),
-            Start::Wedge(wedge) => wedge.serialize(serializer),
-            Start::Run(id) => serializer.collect_map([("run", id)]),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Start {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Members {
-            length_m: Option<f64>,
-            thickness_0_m: Option<f64>,
-            run: Option<String>,
-        }
-        const FORMS: &str = r#""steady", {"length_m": …, "thickness_0_m": …} or {"run": "<id>"}"#;
-        struct Forms;
-        impl<'de> Visitor<'de> for Forms {
-            type Value = Start;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(FORMS)
-            }
-
-            fn visit_str<E: Error>(self, text: &str) -> Result<Start, E> {
-                if text == "steady" {
-                    Ok(Start::Steady)
-                } else {
-                    Err(E::custom(format!("\"{text}\" is no start; permitted are {FORMS}")))
-                }
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Start, A::Error> {
-                let members = Members::deserialize(MapAccessDeserializer::new(map))?;
-                match (members.length_m, members.thickness_0_m, members.run) {
-                    (Some(length_m), Some(thickness_0_m), None) => {
-                        Ok(Start::Wedge(Wedge { length_m, thickness_0_m }))
-                    }
-                    (None, None, Some(id)) => Ok(Start::Run(id)),
-                    _ => Err(A::Error::custom(format!("permitted are {FORMS}"))),
-                }
-            }
-        }
-        deserializer.deserialize_any(Forms)
-    }
-}
-
-/// Steps and outputs of a transient run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Time {
-    /// Duration, a.
-    pub duration_a: f64,
-    /// Fixed time step Δt, a.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub fixed_dt_a: Option<f64>,
-    /// Error-controlled steps: not there yet.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub tolerance: Option<f64>,
-    /// Interval between rows of the series, a; every step if not given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub output_every_a: Option<f64>,
-    /// Times at which profiles are stored, a.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub profiles_at_a: Vec<f64>,
-}
-
 /// Numerical options.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -238,10 +112,14 @@ pub struct Options {
     /// `published`, `printed` or `no_stretching`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upstream_closure: Option<String>,
-    /// Not there yet.
+    /// Forcing and calving law are taken at the start of each step, as the paper's scripts do it; needs
+    /// fixed steps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lagged: Option<bool>,
-    /// Not there yet.
+    /// Whether a steady state's error of the grid is estimated from three finer grids.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grid_error: Option<bool>,
+    /// Places, 0 to 1, at which speed and fluidity across the fjord are told; only for a single run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transects_at_chi: Option<Vec<f64>>,
 }
@@ -325,13 +203,22 @@ fn check_forms(written: &Value) -> Result<(), Refusal> {
     let refuse = |field: String, value: &Value, form: &str| {
         Err(Refusal::value(field, value.clone(), format!("to be written as {form}")))
     };
-    for member in ["time", "options", "parameters"] {
+    for member in ["time", "options", "parameters", "forcing", "fjord", "melt_shape", "calving_law"]
+    {
         if let Some(value) = written.get(member).filter(|v| v.is_array()) {
             return refuse(member.into(), value, "members by name");
         }
     }
     if let Some(value) = written.get("regime").filter(|v| !v.is_string()) {
         return refuse("regime".into(), value, "a name");
+    }
+    let courses = written.get("forcing").and_then(Value::as_object);
+    for (name, course) in courses.into_iter().flatten() {
+        for (kind, numbers) in course.as_object().into_iter().flatten() {
+            if !numbers.is_object() {
+                return refuse(format!("forcing.{name}.{kind}"), numbers, "members by name");
+            }
+        }
     }
     let axes = written.get("axes").and_then(Value::as_array);
     for (i, axis) in axes.into_iter().flatten().enumerate() {

@@ -1,8 +1,13 @@
 //! What makes two runs the same run: model version, options and parameters, as bits.
 
-use super::document::Start;
+use super::document::Document;
+use super::forcing::CalvingForm;
 use super::run::RunSpec;
+use super::start::Start;
+use super::time::{SeriesAt, Steps};
 use melange_solver::params::PARAMETERS;
+use melange_solver::quasi_static::Given;
+use melange_solver::transient::Stepping;
 
 /// Version of the model's numbers. Raised when a run's result changes by more than the tolerance it is
 /// solved to, so that old results are not taken for new ones.
@@ -13,16 +18,17 @@ pub const ID_DIGITS: usize = 32;
 
 impl RunSpec {
     /// The run's id: blake3 of everything its result depends on, numbers as IEEE-754 bits with −0 as 0.
-    /// Each part is preceded by a tag, and each text by its length.
+    /// Each part is preceded by a tag, and each text by its length. What is not given leaves no trace.
     pub fn id(&self) -> String {
-        let mut key = Key(blake3::Hasher::new());
+        let shared = &self.shared;
+        let mut key = Key::default();
         key.text("model", MODEL_VERSION);
-        key.text("regime", self.regime.name());
-        key.text("upstream_closure", self.closure.name());
+        key.text("regime", shared.regime.name());
+        key.text("upstream_closure", self.model.closure().name());
         for info in &PARAMETERS {
-            key.number(info.name, (info.get)(&self.parameters));
+            key.number(info.name, (info.get)(self.parameters()));
         }
-        match &self.start {
+        match &shared.start {
             None => {}
             Some(Start::Steady) => key.text("start", "steady"),
             Some(Start::Wedge(wedge)) => {
@@ -31,32 +37,127 @@ impl RunSpec {
             }
             Some(Start::Run(id)) => key.text("start.run", id),
         }
-        if let Some(steps) = &self.steps {
-            key.number("dt_a", steps.dt_a);
-            key.number("steps", steps.count as f64);
-            key.number("series_every", steps.series_every as f64);
-            for step in &steps.profiles_at {
-                key.number("profile_at", *step as f64);
-            }
+        if let Some(steps) = &shared.steps {
+            key.steps(steps);
         }
-        key.0.finalize().to_hex()[..ID_DIGITS].to_owned()
+        match shared.given {
+            None => {}
+            Some(Given::Length(m)) => key.number("length_m", m),
+            Some(Given::Thickness0(m)) => key.number("thickness_0_m", m),
+            Some(Given::Volume(m3)) => key.number("volume_m3", m3),
+        }
+        if shared.is_lagged {
+            key.text("lagged", "true");
+        }
+        if shared.grid_error {
+            key.text("grid_error", "true");
+        }
+        if let Some(digest) = &shared.digest {
+            key.text("along and in time", digest);
+        }
+        key.digits()
     }
 }
 
-struct Key(blake3::Hasher);
+/// Hash of what varies along the fjord and in time, which the runs of a document share; none if nothing
+/// does.
+pub fn digest(document: &Document) -> Option<String> {
+    let mut key = Key::default();
+    if let Some(fjord) = &document.fjord {
+        let (beyond, columns) = fjord.parts();
+        key.text("fjord", beyond);
+        columns.iter().for_each(|column| key.numbers("fjord", column));
+    }
+    if let Some(melt) = &document.melt_shape {
+        let (name, columns) = melt.parts();
+        if name != "uniform" {
+            key.text("melt_shape", &name);
+            columns.iter().for_each(|column| key.numbers("melt_shape", column));
+        }
+    }
+    let mut courses: Vec<_> = document.forcing.0.iter().collect();
+    courses.sort_by(|a, b| a.0.cmp(&b.0));
+    for (name, course) in courses {
+        let (kind, numbers) = course.parts();
+        key.text("forcing", name);
+        key.text("forcing", kind);
+        key.numbers("forcing", &numbers);
+    }
+    match document.calving_law {
+        None => {}
+        Some(CalvingForm::SteadyFeedback) => key.text("calving_law", "steady_feedback"),
+        Some(CalvingForm::Law(law)) => key.numbers(
+            "calving_law",
+            &[
+                law.rate_m_per_a,
+                law.per_force_m2_per_a_n,
+                law.per_advance_per_a,
+                law.thickness_per_advance,
+            ],
+        ),
+    }
+    (!key.is_empty).then(|| key.digits())
+}
+
+/// A hash under way.
+struct Key {
+    hasher: blake3::Hasher,
+    is_empty: bool,
+}
+
+impl Default for Key {
+    fn default() -> Self {
+        Self { hasher: blake3::Hasher::new(), is_empty: true }
+    }
+}
 
 impl Key {
     fn text(&mut self, tag: &str, text: &str) {
+        self.is_empty = false;
         for part in [tag, text] {
-            self.0.update(&(part.len() as u64).to_le_bytes());
-            self.0.update(part.as_bytes());
+            self.hasher.update(&(part.len() as u64).to_le_bytes());
+            self.hasher.update(part.as_bytes());
         }
     }
 
     fn number(&mut self, tag: &str, value: f64) {
+        self.is_empty = false;
         let canonical = if value == 0.0 { 0.0_f64 } else { value };
-        self.0.update(&(tag.len() as u64).to_le_bytes());
-        self.0.update(tag.as_bytes());
-        self.0.update(&canonical.to_bits().to_le_bytes());
+        self.hasher.update(&(tag.len() as u64).to_le_bytes());
+        self.hasher.update(tag.as_bytes());
+        self.hasher.update(&canonical.to_bits().to_le_bytes());
+    }
+
+    fn numbers(&mut self, tag: &str, values: &[f64]) {
+        self.number(tag, values.len() as f64);
+        values.iter().for_each(|value| self.number(tag, *value));
+    }
+
+    fn steps(&mut self, steps: &Steps) {
+        match &steps.stepping {
+            Stepping::Fixed { dt_a, count } => {
+                self.number("dt_a", *dt_a);
+                self.number("steps", *count as f64);
+            }
+            Stepping::Controlled { tolerance, land_on_a } => {
+                self.number("tolerance", *tolerance);
+                self.numbers("land_on_a", land_on_a);
+            }
+        }
+        match &steps.series_at {
+            SeriesAt::EveryStep => {}
+            SeriesAt::Every(every) => self.number("series_every", *every as f64),
+            SeriesAt::These(landings) => {
+                self.number("series_at", landings.len() as f64);
+                landings.iter().for_each(|k| self.number("series_at", *k as f64));
+            }
+        }
+        for step in &steps.profiles_at {
+            self.number("profile_at", *step as f64);
+        }
+    }
+
+    fn digits(&self) -> String {
+        self.hasher.finalize().to_hex()[..ID_DIGITS].to_owned()
     }
 }

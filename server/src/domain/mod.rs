@@ -1,14 +1,19 @@
 //! What a sweep and a run are: names, checks, points, identity, states. Pure and deterministic: no
 //! database, no files, no clock, nothing asynchronous.
 
+pub mod along;
 pub mod dictionary;
 pub mod document;
+pub mod entries;
+pub mod forcing;
 pub mod identity;
 pub mod outcome;
 pub mod refusal;
 pub mod run;
+pub mod start;
 pub mod status;
 pub mod sweep;
+pub mod time;
 
 /// The solver's table of parameters: names, units, meanings, defaults, ranges.
 pub use melange_solver::params as parameters;

@@ -27,6 +27,16 @@ pub struct Outcome {
     pub iterations: u64,
     /// Which rule picked the root.
     pub root_evidence: Option<String>,
+    /// What the state does that the model is not made for: `compression` (of any step of a transient),
+    /// `thin` (H₀ < 2d), `inertial` (inertial number above 0.1).
+    pub validity: Option<String>,
+    /// What three grids say of the errors, if asked: `asymptotic`, or the quantities that are `not
+    /// asymptotic`.
+    pub grid_convergence: Option<String>,
+    /// The three grids in detail, if asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    pub grid_error: Option<GridErrorDetail>,
     /// Last state.
     pub profile: Option<Profile>,
     /// Time series; only of a transient.
@@ -35,6 +45,54 @@ pub struct Outcome {
     /// Stored states; only of a transient.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub states: Option<Vec<StoredState>>,
+    /// Speed and fluidity across the fjord, where asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub transects: Vec<TransectProfile>,
+}
+
+/// A transect from the wall to the centre of the fjord.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct TransectProfile {
+    /// χ, share of the mélange's length.
+    pub chi: f64,
+    /// x from the terminus, m.
+    pub x_m: f64,
+    /// W, m.
+    pub width_m: f64,
+    /// μ_w.
+    pub mu_w: f64,
+    /// y from the wall, m.
+    pub y_m: Vec<f64>,
+    /// u relative to the walls, m a⁻¹.
+    pub velocity_m_per_a: Vec<f64>,
+    /// g^y, a⁻¹.
+    pub fluidity_per_a: Vec<f64>,
+}
+
+/// A steady state on three grids.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct GridErrorDetail {
+    /// Cells of the three grids.
+    pub n_cells: [usize; 3],
+    /// Each quantity, by its name among a result's numbers.
+    pub quantities: Vec<GridQuantity>,
+}
+
+/// One number on three grids.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct GridQuantity {
+    /// Its name.
+    pub name: &'static str,
+    /// Its values, from the coarsest grid to the finest.
+    pub values: [f64; 3],
+    /// Observed order; none where the differences change sign.
+    pub observed_order: Option<f64>,
+    /// Value for infinitely many cells; none where the grids are not asymptotic.
+    pub extrapolated: Option<f64>,
+    /// `asymptotic` or `not asymptotic`.
+    pub verdict: &'static str,
+    /// Distance of the run's number from the extrapolated one, or the spread of all four numbers.
+    pub error: f64,
 }
 
 /// Parameters, written by the solver's table.
@@ -103,6 +161,18 @@ scalars! {
     mass_budget_defect: "1", "relative defect of the steady mass budget";
     yielding_fraction: "1", "share of interior cells with mu > mu_s";
     end_time_a: "a", "time at which a transient ended";
+    terminus_x_m: "m", "position X_0 of the terminus along the bedrock at the end of a transient";
+    inflow_m3_per_a: "m3 a-1", "ice that enters, U_c H_t W_0";
+    melt_m3_per_a: "m3 a-1", "ice that melts";
+    outflow_m3_per_a: "m3 a-1", "ice that leaves at the end, U_L d W_L";
+    strain_rate_0_per_a: "a-1", "strain rate du/dx at the terminus";
+    strain_rate_min_per_a: "a-1", "smallest strain rate of any cell; of all steps of a transient";
+    inertial_number: "1", "largest inertial number, along and across the fjord";
+    cfl_time_step_a: "a", "time step of Courant number 1, Eq. 28";
+    cfl_number: "1", "largest Courant number of a transient's steps";
+    grid_error_length_m: "m", "error of length_m from three grids, or the spread where they do not converge";
+    grid_error_thickness_0_m: "m", "the same of thickness_0_m";
+    grid_error_force_n_per_m: "N m-1", "the same of force_n_per_m";
 }
 
 impl Scalars {
@@ -226,6 +296,7 @@ series! {
     volume_m3: "m3", "volume of the melange";
     melt_rate_m_per_day: "m d-1", "melt rate in force";
     calving_rate_m_per_a: "m a-1", "calving rate in force";
+    terminus_x_m: "m", "position X_0 of the terminus along the bedrock";
 }
 
 /// The outcome of bad input, which is shown and never stored.

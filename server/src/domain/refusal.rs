@@ -49,6 +49,24 @@ impl Refusal {
         Self::value(field, shown, permitted)
     }
 
+    /// A field that is not there and has to be.
+    pub fn missing(field: &str, why: &str) -> Self {
+        Self {
+            field: Some(field.to_owned()),
+            permitted: Some(why.to_owned()),
+            ..Self::sentence(format!("`{field}` is missing: {why}"))
+        }
+    }
+
+    /// A field that is there and has no place here.
+    pub fn out_of_place(field: &str, why: &str) -> Self {
+        Self {
+            field: Some(field.to_owned()),
+            permitted: Some("nothing here".to_owned()),
+            ..Self::sentence(format!("`{field}` is refused: {why}"))
+        }
+    }
+
     /// A part of the interface that is not there yet.
     pub fn not_yet(field: &str) -> Self {
         Self {

@@ -2,7 +2,7 @@
 
 use super::document::{Axis, Document};
 use super::refusal::Refusal;
-use super::run::{FLUX, MAX_STORED_NUMBERS, RunSpec, closure_of_name};
+use super::run::{FLUX, MAX_STORED_NUMBERS, RunSpec, Scenario, closure_of_name};
 use melange_solver::params::{self, ParameterError};
 use melange_solver::physics::closure::UpstreamClosure;
 use std::ops::Range;
@@ -11,6 +11,7 @@ use std::ops::Range;
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepSpec {
     document: Document,
+    scenario: Scenario,
     axes: Vec<Points>,
 }
 
@@ -67,15 +68,19 @@ impl Document {
         let laid_out =
             self.axes.iter().enumerate().map(|(i, a)| a.points(&format!("axes[{i}]"), MAX_RUNS));
         let axes: Vec<Points> = laid_out.collect::<Result<_, _>>()?;
-        if self.options.upstream_closure.is_some()
-            && axes.iter().any(|a| matches!(a, Points::Closure(_)))
-        {
+        let scenario = self.scenario()?;
+        if !scenario.shared().transects_at_chi.is_empty() {
+            let why =
+                "it is for a single run: a sweep stores profiles, from which transects follow";
+            return Err(Refusal::out_of_place("options.transects_at_chi", why));
+        }
+        if scenario.closure().is_some() && axes.iter().any(|a| matches!(a, Points::Closure(_))) {
             return Err(Refusal {
                 field: Some("options.upstream_closure".into()),
                 ..Refusal::sentence("`upstream_closure` is given as an option and as an axis")
             });
         }
-        let sweep = SweepSpec { document: self, axes };
+        let sweep = SweepSpec { document: self, scenario, axes };
         for index in 0..count {
             sweep.checked_run(index)?;
         }
@@ -139,7 +144,7 @@ impl SweepSpec {
             }
         }
         point.reverse();
-        self.document.run_with(&point, closure)
+        self.scenario.run(&point, closure)
     }
 }
 

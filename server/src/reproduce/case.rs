@@ -9,6 +9,7 @@ use melange_solver::params::{PARAMETERS, Parameters};
 use melange_solver::physics::closure::UpstreamClosure;
 use melange_solver::state::State;
 use melange_solver::steady::SteadyVerdict;
+use melange_solver::transect::{Transect, transect};
 use melange_solver::{Model, Solver, force};
 use rayon::prelude::*;
 
@@ -98,6 +99,11 @@ impl Case {
     /// ∫HW dx, m³.
     pub fn volume_m3(&self) -> f64 {
         force::volume_m3(&self.model, &self.state, 0.0)
+    }
+
+    /// Speed and fluidity across the fjord at χ.
+    pub fn transect(&self, chi: f64) -> Transect {
+        transect(&self.model, &self.state, 0.0, chi)
     }
 
     /// Mean of U, m a⁻¹.
@@ -195,6 +201,18 @@ pub fn cells(name: &'static str, cases: &[Case]) -> Table {
         rows(&case.name, [&s.cell_x_m(), &s.thickness_m, &s.fluidity_per_a])
     };
     Table::data(name, &columns, cases.iter().flat_map(rows).collect())
+}
+
+/// One row for each point across the fjord, at some χ of each case.
+pub fn transects(name: &'static str, cases: &[Case], chi: &[f64]) -> Table {
+    let columns = ["case", "chi", "y_m", "velocity_m_per_a", "fluidity_per_a"];
+    let across = |case: &Case, chi: f64| -> Vec<Vec<Cell>> {
+        let t = case.transect(chi);
+        let rows = rows(&case.name, [&t.y_m, &t.velocity_m_per_a, &t.fluidity_per_a]);
+        rows.into_iter().map(|row| [&row[..1], &[chi.into()], &row[1..]].concat()).collect()
+    };
+    let rows = cases.iter().flat_map(|case| chi.iter().flat_map(move |chi| across(case, *chi)));
+    Table::data(name, &columns, rows.collect())
 }
 
 fn rows(name: &str, columns: [&[f64]; 3]) -> Vec<Vec<Cell>> {

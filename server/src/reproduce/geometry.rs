@@ -58,6 +58,7 @@ pub fn part() -> Result<Part, Broken> {
             case::scalars("fig4", &glaciers),
             case::nodes("fig4_profiles_nodes", &glaciers),
             case::cells("fig4_profiles_cells", &glaciers),
+            case::transects("fig4_transverse", &glaciers, &[0.5]),
             case::scalars("fig5", &melts),
             case::cells("fig5_profiles", &melts),
             case::scalars("fig6", &walls),

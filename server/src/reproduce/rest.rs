@@ -26,6 +26,9 @@ const WATCHED_A: f64 = 100.0;
 /// Grids whose drift is watched.
 const GRIDS: [f64; 3] = [50.0, 100.0, 200.0];
 
+/// Places of Fig. 2e, as fractions χ of the length.
+const FRACTIONS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
 /// Runs Fig. 2.
 pub fn part() -> Result<Part, Broken> {
     let steady = case::steady("steady", &[])?;
@@ -48,6 +51,7 @@ pub fn part() -> Result<Part, Broken> {
             case::scalars("fig2", &cases),
             case::nodes("fig2_profiles_nodes", &cases),
             case::cells("fig2_profiles_cells", &cases),
+            case::transects("fig2_transverse", &cases, &FRACTIONS),
             Table::data("fig2_series", &columns, way.iter().map(row).collect()),
         ],
     })
@@ -166,7 +170,11 @@ fn lateral_shear_n_per_m(case: &Case) -> f64 {
 /// ξ = A d/√|μ − μ_s| (Eq. 18) of the inner cells, ascending, m.
 fn cooperativity_lengths_m(case: &Case) -> Vec<f64> {
     let p = case.model.parameters();
-    let length = |cell| p.A * p.d_m / yield_excess(p, &case.state, cell).abs().sqrt();
+    let length = |cell| {
+        // 1 − μ_s/μ is what the solver tells.
+        let share = yield_excess(p, &case.state, cell);
+        p.A * p.d_m / (p.mu_s * share / (1.0 - share)).abs().sqrt()
+    };
     let mut lengths: Vec<f64> = (1..case.state.n_cells() - 1).map(length).collect();
     lengths.sort_by(f64::total_cmp);
     lengths

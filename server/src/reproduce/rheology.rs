@@ -11,6 +11,9 @@ use rayon::prelude::*;
 /// Yield coefficient of Fig. 3 below the default.
 const LOW_YIELD: f64 = 0.2;
 
+/// Place of Fig. 3e, as a fraction χ of the length.
+const MIDPOINT: f64 = 0.5;
+
 /// Fig. 3: the parameters that are varied, one at a time.
 pub fn one_at_a_time() -> Vec<(String, Changes)> {
     let changes = [("d_m", 10.0), ("b", 5e4), ("A", 5.0), ("mu_s", LOW_YIELD)];
@@ -34,6 +37,7 @@ pub fn part() -> Result<Part, Broken> {
             case::scalars("fig3", &cases),
             case::nodes("fig3_profiles_nodes", &cases),
             case::cells("fig3_profiles_cells", &cases),
+            case::transects("fig3_transverse", &cases, &[MIDPOINT]),
         ],
     })
 }
@@ -110,6 +114,17 @@ impl Ratios {
     }
 }
 
+/// How far from the wall the speed at the midpoint reaches half of what it has in the middle, by the half
+/// width: 0.5 for a straight profile, near 0 for plug flow between thin sheared margins.
+fn half_speed_at(case: &Case) -> f64 {
+    let t = case.transect(MIDPOINT);
+    let half = 0.5 * t.velocity_m_per_a[t.velocity_m_per_a.len() - 1];
+    let at = t.velocity_m_per_a.iter().position(|u| *u >= half).expect("it grows from 0");
+    let (y, u) = (&t.y_m, &t.velocity_m_per_a);
+    let reached = y[at - 1] + (y[at] - y[at - 1]) * (half - u[at - 1]) / (u[at] - u[at - 1]);
+    reached / (0.5 * t.width_m)
+}
+
 fn claims(cases: &[Case], alike: &[Case]) -> Vec<Claim> {
     /// "Not much impact": less than this share.
     const NOT_MUCH: f64 = 0.1;
@@ -119,6 +134,7 @@ fn claims(cases: &[Case], alike: &[Case]) -> Vec<Claim> {
     let ratio = |index: usize| Ratios::new(&cases[index], base);
     let [d, b, a, mu_s] = [1, 2, 3, 4].map(ratio);
     let [same_length, same_thickness] = [0, 1].map(|i: usize| Ratios::new(&alike[i], base));
+    let [sheared_base, sheared] = [base, &cases[3]].map(half_speed_at);
     let off = |ratios: Ratios| {
         case::largest([ratios.thickness, ratios.length, ratios.velocity].map(|r| (r - 1.0).abs()))
     };
@@ -144,7 +160,14 @@ fn claims(cases: &[Case], alike: &[Case]) -> Vec<Claim> {
             id: "fig3_a",
             place: "§3.1.1, Fig. 3",
             paper: "changing A (5) does not have much impact other than on the curvature of u(y)",
-            numbers: a.numbers(),
+            numbers: [
+                a.numbers(),
+                vec![
+                    ("half_speed_at_share_of_half_width", sheared),
+                    ("half_speed_at_share_of_half_width_base", sheared_base),
+                ],
+            ]
+            .concat(),
             holds: off(a) < NOT_MUCH,
             if_not: "",
         },

@@ -1,11 +1,14 @@
 //! Solves what the queue holds: lease a chunk, solve it on rayon, hand the rows to the archive, finish.
 //! No transaction is open while a solve runs, and no solve runs on an async thread.
 
+mod dress;
+mod record;
 pub mod solve;
 
 use crate::archive::{SolvedRun, catalogue, files, read};
-use crate::domain::document::{Document, Start};
+use crate::domain::document::Document;
 use crate::domain::outcome::Profile;
+use crate::domain::start::Start;
 use crate::domain::sweep::SweepSpec;
 use crate::queue::{self, Lease, LeaseLost};
 use crate::store::{Connection, Store};
@@ -159,7 +162,7 @@ impl Workers {
         catalogue::insert(tx, &lease.sweep_id, lease.chunk, written, runs).await?;
         let stretch = lease.first_run..lease.first_run + lease.run_count;
         let work: f64 = stretch.map(|i| sweep.run(i).work()).sum();
-        let regime = sweep.run(lease.first_run).regime.name();
+        let regime = sweep.run(lease.first_run).shared.regime.name();
         queue::measured(tx, regime, duration.as_secs_f64() / work).await?;
         Ok(())
     }

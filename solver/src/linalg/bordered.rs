@@ -24,6 +24,7 @@ pub struct Bordered<const KL: usize, const KU: usize> {
     border: Vec<f64>,
     multipliers: Vec<[f64; KL]>,
     pivots: Vec<usize>,
+    inverse_pivots: Vec<f64>,
 }
 
 /// No usable pivot in this column.
@@ -41,6 +42,7 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
             border: vec![0.0; n],
             multipliers: vec![[0.0; KL]; n],
             pivots: vec![0; n],
+            inverse_pivots: vec![0.0; n],
         }
     }
 
@@ -103,6 +105,7 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
                 self.border.swap(k, pivot);
             }
             let inverse = 1.0 / self.band.get(k, k);
+            self.inverse_pivots[k] = inverse;
             for i in k + 1..=last {
                 let (upper, lower) = self.band.two_rows_from(k, i, k);
                 let factor = lower[0] * inverse;
@@ -125,18 +128,28 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
         for k in 0..n - 1 {
             rhs.swap(k, self.pivots[k]);
             let value = rhs[k];
-            let last = (k + KL).min(n - 1);
-            for (r, factor) in rhs[k + 1..=last].iter_mut().zip(&self.multipliers[k]) {
-                *r -= factor * value;
+            let below = &mut rhs[k + 1..];
+            // All but the last rows have KL below them, a number the compiler knows.
+            if let Some(below) = below.first_chunk_mut::<KL>() {
+                for (r, factor) in below.iter_mut().zip(&self.multipliers[k]) {
+                    *r -= factor * value;
+                }
+            } else {
+                for (r, factor) in below.iter_mut().zip(&self.multipliers[k]) {
+                    *r -= factor * value;
+                }
             }
         }
         let border_value = rhs[n - 1] / self.border[n - 1];
         rhs[n - 1] = border_value;
         for k in (0..n - 1).rev() {
-            let row = self.band.row_from(k, k);
-            let last = (k + KL + KU).min(n - 2);
-            let tail = dot(&row[1..], &rhs[k + 1..=last]);
-            rhs[k] = (rhs[k] - self.border[k] * border_value - tail) / row[0];
+            let row = &self.band.row_from(k, k)[1..KL + KU + 1];
+            let beyond = &rhs[k + 1..n - 1];
+            let tail = match beyond.get(..KL + KU) {
+                Some(beyond) => dot(row, beyond),
+                None => dot(row, beyond),
+            };
+            rhs[k] = (rhs[k] - self.border[k] * border_value - tail) * self.inverse_pivots[k];
         }
     }
 }

@@ -91,7 +91,7 @@ impl Jacobian {
     }
 
     /// Adds to ∂(row)/∂(unknown).
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, row: Var, by: Var, value: f64) {
         match (row, by) {
             (Var::Calving, _) => {
@@ -120,7 +120,7 @@ impl Jacobian {
     }
 
     /// Places and values of a node's transverse row but for μ_w itself.
-    #[inline]
+    #[inline(always)]
     fn friction_row(&self, node: usize) -> [(usize, f64); 4] {
         let Friction { by_u, by_h, by_l, .. } = self.friction[node];
         let [near, far] = sidewall::cells_beside(node, self.n_cells);

@@ -58,25 +58,25 @@ struct Cell {
 
 impl Medium<'_> {
     /// W of a cell, m.
-    #[inline]
+    #[inline(always)]
     pub fn cell_width(&self, cell: usize) -> f64 {
         self.cells[cell].width
     }
 
     /// ∂W/∂x of a cell.
-    #[inline]
+    #[inline(always)]
     pub fn cell_width_by_x(&self, cell: usize) -> f64 {
         self.cells[cell].width_by_x
     }
 
     /// Melt rate of a cell, positive, m a⁻¹.
-    #[inline]
+    #[inline(always)]
     pub fn melt_m_per_a(&self, cell: usize) -> f64 {
         self.cells[cell].melt
     }
 
     /// Slopes of a mass row, to which a cell's melt rate is added.
-    #[inline]
+    #[inline(always)]
     pub fn slope_by_melt<S: Sink>(&self, row: Var, cell: usize, out: &mut S) {
         let by_x = self.cells[cell].melt_by_x;
         if self.melt_shape.depends_on_bedrock() {
@@ -87,14 +87,14 @@ impl Medium<'_> {
     }
 
     /// W at a node: mean of the two neighbours, the nearest cell's at the ends; m.
-    #[inline]
+    #[inline(always)]
     pub fn node_width(&self, node: usize) -> f64 {
         let [left, right] = self.beside(node);
         0.5 * (self.cells[left].width + self.cells[right].width)
     }
 
     /// Slopes of a row that depends on the place of a cell, X₀ + χL, by ∂(row)/∂x.
-    #[inline]
+    #[inline(always)]
     pub fn slope_by_place<S: Sink>(&self, row: Var, cell: usize, by_x: f64, out: &mut S) {
         out.slope(row, Var::L, by_x * self.chi(cell));
         if self.terminus.is_coupled {
@@ -103,7 +103,7 @@ impl Medium<'_> {
     }
 
     /// Slopes of a row that depends on a node's width, by ∂(row)/∂W.
-    #[inline]
+    #[inline(always)]
     pub fn slope_by_node_width<S: Sink>(&self, row: Var, node: usize, by_w: f64, out: &mut S) {
         for cell in self.beside(node) {
             self.slope_by_place(row, cell, 0.5 * by_w * self.cells[cell].width_by_x, out);
@@ -111,20 +111,20 @@ impl Medium<'_> {
     }
 
     /// χ of a cell's centre.
-    #[inline]
+    #[inline(always)]
     fn chi(&self, cell: usize) -> f64 {
         (cell as f64 + 0.5) / self.cells.len() as f64
     }
 
     /// The cells to the left and right of a node; the nearest cell twice at the ends.
-    #[inline]
+    #[inline(always)]
     fn beside(&self, node: usize) -> [usize; 2] {
         [node.saturating_sub(1), node.min(self.cells.len() - 1)]
     }
 }
 
 /// √(P̃/ρ)/(d b) in a⁻¹: the unit of g_loc (Eq. 17), with P̃ of Eq. 5 (sign as in the text).
-#[inline]
+#[inline(always)]
 pub fn local_fluidity_rate(p: &Parameters, thickness_m: f64) -> f64 {
     let pressure_by_density = 0.5 * GRAVITY * (1.0 - ICE_DENSITY / WATER_DENSITY) * thickness_m;
     pressure_by_density.sqrt() / (p.d_m * p.b) * SECONDS_PER_YEAR
@@ -220,7 +220,7 @@ impl<'a> Equations<'a> {
             melt_shape: problem.melt_shape,
         };
         sidewall::sections(&medium, state, sections);
-        sidewall::mean_speeds(p, sections, speeds);
+        sidewall::mean_speeds(p, problem.smoothing, sections, speeds);
         momentum::residual(&medium, state, out);
         sidewall::residual(&medium, state, speeds, out);
         fluidity::residual(&medium, state, out);
@@ -274,7 +274,7 @@ struct RowScales {
 }
 
 impl RowScales {
-    #[inline]
+    #[inline(always)]
     fn inverse_of(&self, row: Var) -> f64 {
         match row {
             Var::U(0) | Var::Mu(_) | Var::Calving => 1.0 / scale::VELOCITY,
@@ -295,12 +295,12 @@ struct ResidualOnly<'a> {
 }
 
 impl Sink for ResidualOnly<'_> {
-    #[inline]
+    #[inline(always)]
     fn residual(&mut self, row: Var, value: f64) {
         write(self.rows, self.residual, row, value);
     }
 
-    #[inline]
+    #[inline(always)]
     fn slope(&mut self, _: Var, _: Var, _: f64) {}
 }
 
@@ -311,19 +311,19 @@ struct WithJacobian<'a> {
 }
 
 impl Sink for WithJacobian<'_> {
-    #[inline]
+    #[inline(always)]
     fn residual(&mut self, row: Var, value: f64) {
         write(self.rows, self.residual, row, value);
     }
 
-    #[inline]
+    #[inline(always)]
     fn slope(&mut self, row: Var, by: Var, value: f64) {
         let scaled = value * (by.scale() * self.rows.inverse_of(row));
         self.jacobian.add(row, by, scaled);
     }
 }
 
-#[inline]
+#[inline(always)]
 fn write(rows: RowScales, residual: &mut [f64], row: Var, value: f64) {
     if let Some(place) = row.index(rows.n) {
         residual[place] = value * rows.inverse_of(row);
@@ -357,7 +357,7 @@ impl System for Equations<'_> {
         /// Share of the way to a bound that one step may go.
         const TOWARDS_BOUND: f64 = 0.9;
         let n = self.scratch.state.n_cells();
-        let threshold = sidewall::threshold(self.problem.parameters);
+        let threshold = sidewall::threshold(self.problem.parameters, self.problem.smoothing);
         let mut longest = 1.0_f64;
         let mut bound = |room: f64, shrink: f64| {
             if shrink > TOWARDS_BOUND * room && room > 0.0 {
@@ -374,9 +374,13 @@ impl System for Equations<'_> {
             keep_positive(Var::G(c));
         }
         keep_positive(Var::L);
+        // A mélange may stick to the walls and come loose again, but one at rest, which moves with the
+        // terminus. Friction at the ends acts on nothing: only its own row keeps it from where no speed
+        // depends on it.
+        let nodes = if matches!(self.problem.balance, MassBalance::AtRest(_)) { 1 } else { n };
         let mu_w = core_unknowns(n);
-        for (mu, step) in x[mu_w..].iter().zip(&step[mu_w..]) {
-            bound(mu.abs() - threshold, -step * mu.signum());
+        for node in (mu_w..=mu_w + n).step_by(nodes) {
+            bound(x[node].abs() - threshold, -step[node] * x[node].signum());
         }
         longest
     }

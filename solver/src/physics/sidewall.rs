@@ -63,13 +63,34 @@ pub struct Section {
     pub width_m: f64,
 }
 
-/// Below this |μ_w| no interior point yields and ū is zero.
-pub fn threshold(p: &Parameters) -> f64 {
-    p.mu_s / (1.0 - 1.0 / INTERVALS as f64)
+/// κμ_s up to which ū(μ_w) increases everywhere, whatever μ_s (found by a scan: it falls by 0.2 % in
+/// places at 600, by 6 % at 3e4). Beyond, a transect's layer between flow and rest is thinner than
+/// Δy, and φ of the point that crosses it peaks, so that a speed has several μ_w.
+const RESOLVED: f64 = 300.0;
+
+/// κ = (W/(2M·A·d))².
+fn kappa(p: &Parameters, width_m: f64) -> f64 {
+    (width_m / (2.0 * INTERVALS as f64 * p.A * p.d_m)).powi(2)
+}
+
+/// The ε that applies to the transects.
+fn applied(p: &Parameters, smoothing: f64) -> f64 {
+    let is_resolved = kappa(p, p.width_m) * p.mu_s <= RESOLVED;
+    if is_resolved { 0.0 } else { smoothing }
+}
+
+/// Below this |μ_w| no interior point yields and ū is zero; where the kink is rounded, there is no such
+/// bound but 0.
+pub fn threshold(p: &Parameters, smoothing: f64) -> f64 {
+    if applied(p, smoothing) > 0.0 { 0.0 } else { p.mu_s / (1.0 - 1.0 / INTERVALS as f64) }
 }
 
 /// Mean speeds of all sections, Eq. 26 as C6. `out` has the sections' length.
-pub fn mean_speeds(p: &Parameters, sections: &[Section], out: &mut [MeanSpeed]) {
+///
+/// Where ū(μ_w) may decrease, `smoothing` = ε rounds its kinks as those of the longitudinal fluidity,
+/// |1 − μ_s/μ| → √((1 − μ_s/μ)² + ε²); the model itself has ε = 0.
+pub fn mean_speeds(p: &Parameters, smoothing: f64, sections: &[Section], out: &mut [MeanSpeed]) {
+    let smoothing = applied(p, smoothing);
     let arch = pulp::Arch::new();
     let mut sweep = [Swept::default(); INNER];
     for (sections, out) in sections.chunks(LANES).zip(out.chunks_mut(LANES)) {
@@ -77,10 +98,10 @@ pub fn mean_speeds(p: &Parameters, sections: &[Section], out: &mut [MeanSpeed]) 
         let mut kappa = [1.0; LANES];
         for (l, s) in sections.iter().enumerate() {
             mu[l] = s.mu_w.abs();
-            kappa[l] = (s.width_m / (2.0 * INTERVALS as f64 * p.A * p.d_m)).powi(2);
+            kappa[l] = self::kappa(p, s.width_m);
         }
         let [psi, by_mu, by_kappa] =
-            arch.dispatch(Flow { mu_s: p.mu_s, mu_w: mu, kappa, sweep: &mut sweep });
+            arch.dispatch(Flow { mu_s: p.mu_s, smoothing, mu_w: mu, kappa, sweep: &mut sweep });
         for (l, (s, out)) in sections.iter().zip(out).enumerate() {
             let unit = 2.0 * s.width_m / INTERVALS as f64 * local_fluidity_rate(p, s.thickness_m);
             let speed = unit * psi[l] * s.mu_w.signum();
@@ -117,6 +138,7 @@ struct Swept {
 /// Eight sections, for which Ψ, ∂Ψ/∂μ_w and ∂Ψ/∂κ are wanted; compiled for each instruction set.
 struct Flow<'a> {
     mu_s: f64,
+    smoothing: f64,
     mu_w: Lane,
     kappa: Lane,
     sweep: &'a mut [Swept; INNER],
@@ -127,12 +149,57 @@ impl pulp::WithSimd for Flow<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> [Lane; 3] {
-        flow(self.mu_s, &self.mu_w, &self.kappa, self.sweep)
+        let Self { mu_s, smoothing, mu_w, kappa, sweep } = self;
+        if smoothing == 0.0 {
+            flow(|mu, inverse| kink(mu, inverse, mu_s), &mu_w, &kappa, sweep)
+        } else {
+            flow(|mu, inverse| rounded_kink(mu, inverse, mu_s, smoothing), &mu_w, &kappa, sweep)
+        }
+    }
+}
+
+/// What one point's μ makes of the kinks: |μ − μ_s|, (μ − μ_s)₊/μ, and the slopes by μ of the first and
+/// of their product, as they are or rounded.
+struct Kink {
+    distance: f64,
+    ratio: f64,
+    distance_by_mu: f64,
+    product_by_mu: f64,
+}
+
+#[inline(always)]
+fn kink(mu: f64, inverse_mu: f64, mu_s: f64) -> Kink {
+    let excess = mu - mu_s;
+    let ratio = positive_part(excess) * inverse_mu;
+    Kink {
+        distance: excess.abs(),
+        ratio,
+        distance_by_mu: if excess > 0.0 { 1.0 } else { -1.0 },
+        product_by_mu: ratio * (2.0 - ratio),
     }
 }
 
 #[inline(always)]
-fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane, sweep: &mut [Swept; INNER]) -> [Lane; 3] {
+fn rounded_kink(mu: f64, inverse_mu: f64, mu_s: f64, smoothing: f64) -> Kink {
+    let q = 1.0 - mu_s * inverse_mu;
+    let distance = (q * q + smoothing * smoothing).sqrt();
+    let ratio = 0.5 * (q + distance);
+    let side = q / distance;
+    Kink {
+        distance: mu * distance,
+        ratio,
+        distance_by_mu: distance + side * (1.0 - q),
+        product_by_mu: ratio * (distance + (1.0 + side) * (1.0 - q)),
+    }
+}
+
+#[inline(always)]
+fn flow(
+    kink: impl Fn(f64, f64) -> Kink,
+    mu_w: &Lane,
+    kappa: &Lane,
+    sweep: &mut [Swept; INNER],
+) -> [Lane; 3] {
     // 1/μ by one division per section; the pivots are the only divisions of the loops.
     let inverse_mu_w = mu_w.map(|mu| 1.0 / mu);
     // Forward sweep of φ and of the adjoint λ, whose right-hand side is c·μ.
@@ -143,11 +210,10 @@ fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane, sweep: &mut [Swept; INNER]) -> [La
         let diagonal = if m == 0 || m == INNER - 1 { 1.0 } else { 2.0 };
         for l in 0..LANES {
             let mu = mu_w[l] * share;
-            let excess = mu - mu_s;
-            let above = positive_part(excess);
-            let pivot = 1.0 / (diagonal + kappa[l] * excess.abs() - last_inverse[l]);
-            last_phi[l] =
-                (kappa[l] * above * above * inverse_mu_w[l] * inverse_share + last_phi[l]) * pivot;
+            let Kink { distance, ratio, .. } = kink(mu, inverse_mu_w[l] * inverse_share);
+            let coupling = kappa[l] * distance;
+            let pivot = 1.0 / (diagonal + coupling - last_inverse[l]);
+            last_phi[l] = (coupling * ratio + last_phi[l]) * pivot;
             last_lambda[l] = (WEIGHTS[m] * mu + last_lambda[l]) * pivot;
             last_inverse[l] = pivot;
         }
@@ -161,18 +227,13 @@ fn flow(mu_s: f64, mu_w: &Lane, kappa: &Lane, sweep: &mut [Swept; INNER]) -> [La
         let Swept { inverse, phi, lambda } = sweep[m];
         for l in 0..LANES {
             let mu = mu_w[l] * share;
-            let excess = mu - mu_s;
-            let ratio = positive_part(excess) * inverse_mu_w[l] * inverse_share;
+            let point = kink(mu, inverse_mu_w[l] * inverse_share);
             next_phi[l] = phi[l] + inverse[l] * next_phi[l];
             next_lambda[l] = lambda[l] + inverse[l] * next_lambda[l];
-            let sign = if excess > 0.0 { 1.0 } else { -1.0 };
-            let source_by_mu = kappa[l] * ratio * (2.0 - ratio);
+            let by_mu = point.product_by_mu - point.distance_by_mu * next_phi[l];
             sums[0][l] += WEIGHTS[m] * mu * next_phi[l];
-            sums[1][l] += share
-                * (WEIGHTS[m] * next_phi[l]
-                    + next_lambda[l] * (source_by_mu - kappa[l] * sign * next_phi[l]));
-            sums[2][l] +=
-                next_lambda[l] * (positive_part(excess) * ratio - excess.abs() * next_phi[l]);
+            sums[1][l] += share * (WEIGHTS[m] * next_phi[l] + next_lambda[l] * kappa[l] * by_mu);
+            sums[2][l] += next_lambda[l] * point.distance * (point.ratio - next_phi[l]);
         }
     }
     sums
@@ -189,14 +250,14 @@ fn positive_part(x: f64) -> f64 {
 pub fn friction_for(p: &Parameters, speeds: &[f64], sections: &mut [Section]) {
     const ITERATIONS: usize = 80;
     const TOLERANCE: f64 = 1e-10;
-    let floor = threshold(p);
+    let floor = threshold(p, 0.0);
     let mut bounds = vec![(floor, f64::INFINITY); sections.len()];
     let mut found = vec![MeanSpeed::default(); sections.len()];
     for (section, speed) in sections.iter_mut().zip(speeds) {
         section.mu_w = (2.0 * floor).copysign(*speed);
     }
     for _ in 0..ITERATIONS {
-        mean_speeds(p, sections, &mut found);
+        mean_speeds(p, 0.0, sections, &mut found);
         let mut largest_change = 0.0_f64;
         for (((section, speed), found), (low, high)) in
             sections.iter_mut().zip(speeds).zip(&found).zip(&mut bounds)
@@ -251,9 +312,12 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, speeds: &[MeanSpeed], out: &mut 
     let n = s.n_cells();
     for (j, mean) in speeds.iter().enumerate() {
         let row = Var::Mu(j);
-        out.residual(row, mean.speed - (s.velocity_m_per_a[j] + m.terminus.advance_m_per_a));
+        let (lag, rate) =
+            m.relaxation.map_or((0.0, 0.0), |r| (s.mu_w[j] - r.mu_w[j], r.speed_per_mu));
+        let sought = s.velocity_m_per_a[j] + m.terminus.advance_m_per_a;
+        out.residual(row, mean.speed - sought + rate * lag);
         out.slope(row, Var::U(j), -1.0);
-        out.slope(row, Var::Mu(j), mean.by_mu);
+        out.slope(row, Var::Mu(j), mean.by_mu + rate);
         let shares = if j == 0 || j == n { [1.5, -0.5] } else { [0.5, 0.5] };
         for (cell, share) in cells_beside(j, n).into_iter().zip(shares) {
             out.slope(row, Var::H(cell), mean.by_h * share);

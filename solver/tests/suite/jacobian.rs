@@ -78,7 +78,9 @@ fn worst_entry(problem: Problem<'_>) -> (f64, usize, usize) {
 fn check(parameters: &Parameters, model: &Model, smoothing: f64) {
     let old: Vec<f64> = (0..N).map(|c| 140.0 - 8.0 * c as f64).collect();
     let fluidity = vec![4.0; N];
-    let relaxation = Relaxation { fluidity_per_a: &fluidity, rate_per_m2: 1e-6 };
+    let mu_w = vec![0.4; N + 1];
+    let relaxation =
+        Relaxation { fluidity_per_a: &fluidity, rate_per_m2: 1e-6, mu_w: &mu_w, speed_per_mu: 3e4 };
     let balances = [
         MassBalance::Steady,
         MassBalance::Step(Before { per_step: 100.0, thickness_m: &old, length_m: 9_000.0 }),
@@ -141,7 +143,7 @@ fn a_solve_equals_a_dense_solve() {
     let old = vec![100.0; N];
     let m = model(|p| (p.n_cells, p.width_gradient) = (N, -0.03));
     let law = CalvingLaw::steady_feedback(6_000.0, 8e6);
-    let stuck = sidewall::threshold(m.parameters());
+    let stuck = sidewall::threshold(m.parameters(), 0.0);
     for (law, mu_w) in [(None, 0.4), (Some(law), 0.4), (None, stuck), (Some(law), stuck)] {
         let problem = Problem {
             parameters: m.parameters(),
@@ -188,4 +190,11 @@ fn analytic_jacobian_matches_differences_in_a_widening_fjord_with_smoothed_kinks
         p.A = 3.0;
     });
     check(m.parameters(), &m, 1e-2);
+}
+
+/// A so small that the transverse problem is rounded too.
+#[test]
+fn analytic_jacobian_matches_differences_where_transects_are_not_resolved() {
+    let m = model(|p| (p.n_cells, p.A) = (N, 0.015));
+    check(m.parameters(), &m, 3e-2);
 }

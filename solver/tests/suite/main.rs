@@ -1,6 +1,8 @@
 //! Tests of the solver: each equation against differences, the linear algebra against a dense solve,
 //! whole solves against published numbers.
 
+mod allocations;
+mod diagnose;
 mod fjord;
 mod forcing;
 mod interpolate;

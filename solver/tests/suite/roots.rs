@@ -2,7 +2,10 @@
 
 use crate::{assert_all_close, assert_close, converged, model, steady};
 use melange_solver::Solver;
+use melange_solver::diagnostic::wedge;
+use melange_solver::error::SolveError;
 use melange_solver::force::yielding_fraction;
+use melange_solver::params::Parameters;
 use melange_solver::steady::SteadyVerdict;
 
 #[test]
@@ -105,4 +108,51 @@ fn a_neighbour_changes_neither_verdict_nor_root() {
         }
     }
     assert!(seen.iter().all(|count| *count > 1), "the grid is to reach every verdict: {seen:?}");
+}
+
+/// The answer from starts of 2…40 km and 1.5d…15d is the one from the regular start, for Fig. 3's and
+/// Fig. 6's variants.
+#[test]
+fn no_start_changes_the_root() {
+    type Change = fn(&mut Parameters);
+    let variants: [Change; 9] = [
+        |_| (),
+        |p| p.mu_s = 0.2,
+        |p| p.d_m = 10.0,
+        |p| p.b = 5e4,
+        |p| p.A = 5.0,
+        |p| p.width_m = 3000.0,
+        |p| p.width_m = 7000.0,
+        |p| p.width_gradient = -0.04,
+        |p| p.width_gradient = 0.04,
+    ];
+    for change in variants {
+        let m = model(|p| {
+            change(p);
+            p.n_cells = 20;
+        });
+        let d = m.parameters().d_m;
+        let expected = steady(&m).state;
+        let mut solver = Solver::new(m.clone());
+        for length_m in [2e3, 5e3, 12e3, 40e3] {
+            for thickness in [1.5, 3.0, 7.0, 15.0] {
+                let start = wedge(&m, thickness * d);
+                let found = converged(solver.steady_from(&start, length_m).expect("a verdict"));
+                let what = format!("{length_m} m, {thickness} d, {:?}", m.parameters());
+                assert_close(&what, found.state.length_m, expected.length_m, 1e-9);
+                assert_close(&what, found.state.thickness_0_m(), expected.thickness_0_m(), 1e-9);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_start_that_is_no_geometry_is_refused() {
+    let mut solver = Solver::new(model(|_| ()));
+    for (thickness, length_m) in
+        [(vec![100.0; 3], 1e4), (vec![100.0; 50], -1.0), (vec![f64::NAN; 50], 1e4)]
+    {
+        let error = solver.steady_from(&thickness, length_m).expect_err("no geometry");
+        assert!(matches!(error, SolveError::UnusableState { .. }), "{error}");
+    }
 }

@@ -72,7 +72,7 @@ fn sections() -> Vec<Section> {
 
 fn speeds(p: &Parameters, sections: &[Section]) -> Vec<MeanSpeed> {
     let mut out = vec![MeanSpeed::default(); sections.len()];
-    mean_speeds(p, sections, &mut out);
+    mean_speeds(p, 0.0, sections, &mut out);
     out
 }
 
@@ -128,4 +128,31 @@ fn friction_gives_the_speed_back_and_is_odd_in_it() {
         assert_close("speed", speed.speed, wanted, 1e-8);
     }
     assert_eq!(sections[3].mu_w, -sections[4].mu_w);
+}
+
+/// A transect's layer between flow and rest is here thinner than Δy: the model's own ū(μ_w) falls in
+/// places, the rounded one does not, and rounding ends in the model.
+#[test]
+fn rounding_makes_the_speed_of_an_unresolved_transect_increase_with_its_friction() {
+    let p = Parameters { A: 0.01, ..Parameters::default() };
+    let sections: Vec<Section> = (0..4000)
+        .map(|i| Section {
+            mu_w: p.mu_s * (1.02 + 0.5 * i as f64 / 4000.0),
+            thickness_m: 100.0,
+            width_m: 4000.0,
+        })
+        .collect();
+    let falls = |smoothing: f64| {
+        let mut out = vec![MeanSpeed::default(); sections.len()];
+        mean_speeds(&p, smoothing, &sections, &mut out);
+        let count = out.windows(2).filter(|pair| pair[1].speed < pair[0].speed).count();
+        assert_eq!(count > 0, out.iter().any(|s| s.by_mu < 0.0), "slopes tell the same");
+        (count, out)
+    };
+    let (unrounded, limit) = falls(0.0);
+    assert!(unrounded > 0);
+    assert_eq!(falls(3e-2).0, 0);
+    for (near, limit) in falls(1e-9).1.iter().zip(&limit) {
+        assert_close("speed", near.speed, limit.speed, 1e-4);
+    }
 }

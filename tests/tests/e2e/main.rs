@@ -6,6 +6,7 @@ mod command_line;
 mod faults;
 mod reproduction;
 mod rest;
+mod scenarios;
 mod soak;
 mod tables;
 

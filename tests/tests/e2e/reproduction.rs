@@ -29,11 +29,14 @@ const NUMBERS: [(&str, &str, f64, f64); 14] = [
 ];
 
 /// Files of the figures' data with columns that must be there.
-const FILES: [(&str, &[&str]); 13] = [
+const FILES: [(&str, &[&str]); 16] = [
     ("fig2.csv", &["case", "length_m", "thickness_0_m", "force_n_per_m"]),
     ("fig2_profiles_nodes.csv", &["node_x_m", "velocity_m_per_a", "mu_w"]),
     ("fig2_profiles_cells.csv", &["cell_x_m", "thickness_m", "fluidity_per_a"]),
     ("fig2_series.csv", &["time_a", "volume_m3"]),
+    ("fig2_transverse.csv", &["chi", "y_m", "velocity_m_per_a"]),
+    ("fig3_transverse.csv", &["y_m"]),
+    ("fig4_transverse.csv", &["y_m"]),
     ("fig3.csv", &["mu_s", "d_m", "b", "A"]),
     ("fig4.csv", &["terminus_thickness_m", "calving_rate_m_per_a"]),
     ("fig5.csv", &["melt_rate_m_per_day", "force_quasi_static_n_per_m"]),

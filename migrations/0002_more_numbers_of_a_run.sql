@@ -1,0 +1,16 @@
+-- Numbers and texts that a run's result has gained.
+
+ALTER TABLE runs ADD COLUMN validity TEXT;
+ALTER TABLE runs ADD COLUMN grid_convergence TEXT;
+ALTER TABLE runs ADD COLUMN terminus_x_m DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN inflow_m3_per_a DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN melt_m3_per_a DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN outflow_m3_per_a DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN strain_rate_0_per_a DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN strain_rate_min_per_a DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN inertial_number DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN cfl_time_step_a DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN cfl_number DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN grid_error_length_m DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN grid_error_thickness_0_m DOUBLE PRECISION;
+ALTER TABLE runs ADD COLUMN grid_error_force_n_per_m DOUBLE PRECISION;

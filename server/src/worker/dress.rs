@@ -1,0 +1,183 @@
+//! What a solve came to, dressed as an outcome: every number of it, read off the state.
+
+use super::record::{Record, profile};
+use crate::domain::document::Regime;
+use crate::domain::outcome::{
+    EffectiveParameters, GridErrorDetail, GridQuantity, Outcome, Scalars, TransectProfile,
+};
+use crate::domain::run::RunSpec;
+use crate::domain::status::Status;
+use melange_solver::diagnose::{
+    Budget, Caveat, cfl_time_step_a, inertial_number, strain_rates_per_a,
+};
+use melange_solver::force;
+use melange_solver::grid_error::{Convergence, GridError};
+use melange_solver::params::Parameters;
+use melange_solver::state::State;
+use melange_solver::transect::transect;
+
+/// What a solve came to.
+pub struct Ended {
+    /// How it ended.
+    pub status: Status,
+    /// One sentence on it.
+    pub detail: String,
+    /// Newton iterations.
+    pub iterations: usize,
+    /// Residual norm of the last solve.
+    pub residual_norm: f64,
+    /// Last state.
+    pub state: Option<State>,
+    /// Parameters in force at the end, where they differ from the run's.
+    pub parameters: Option<Parameters>,
+    /// X₀ at the end, m.
+    pub terminus_x_m: f64,
+    /// Which rule picked the root.
+    pub root_evidence: Option<&'static str>,
+    /// Time reached and what was recorded, of a transient.
+    pub transient: Option<(f64, Record)>,
+    /// What three grids say, if asked; none within if one of them has no steady state.
+    pub grid_error: Option<Option<GridError>>,
+}
+
+impl Ended {
+    /// Without a state.
+    pub fn verdict(status: Status, detail: String) -> Self {
+        Self {
+            status,
+            detail,
+            iterations: 0,
+            residual_norm: f64::NAN,
+            state: None,
+            parameters: None,
+            terminus_x_m: 0.0,
+            root_evidence: None,
+            transient: None,
+            grid_error: None,
+        }
+    }
+}
+
+/// The outcome of a run.
+pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
+    let told = ended.grid_error.as_ref().map(|told| told.as_ref().map(grid_error_detail));
+    let mut scalars =
+        ended.state.as_ref().map_or_else(Scalars::default, |state| scalars(run, &ended, state));
+    if let Some(Some(detail)) = &told {
+        let error = |name| detail.quantities.iter().find(|q| q.name == name).map(|q| q.error);
+        scalars.grid_error_length_m = error("length_m");
+        scalars.grid_error_thickness_0_m = error("thickness_0_m");
+        scalars.grid_error_force_n_per_m = error("force_n_per_m");
+    }
+    scalars.end_time_a = ended.transient.as_ref().map(|(time_a, _)| *time_a);
+    let x_m = ended.terminus_x_m;
+    let mut caveats =
+        ended.state.as_ref().map_or_else(Vec::new, |s| Caveat::of(&run.model, s, x_m));
+    let squeezed = |r: &Record| Caveat::compressed(run.parameters(), r.strain_rate_min_per_a);
+    if ended.transient.as_ref().is_some_and(|(_, record)| squeezed(record))
+        && !caveats.contains(&Caveat::Compression)
+    {
+        caveats.insert(0, Caveat::Compression);
+    }
+    let names: Vec<&str> = caveats.into_iter().map(Caveat::name).collect();
+    let transects = ended.state.iter().flat_map(|s| {
+        run.shared.transects_at_chi.iter().map(|chi| transect_profile(run, s, x_m, *chi))
+    });
+    let transects = transects.collect();
+    let (series, states) = match ended.transient {
+        Some((_, record)) => (Some(record.series), Some(record.states)),
+        None => (None, None),
+    };
+    Outcome {
+        status: ended.status,
+        detail: ended.detail,
+        parameters: EffectiveParameters(*run.parameters()),
+        regime: run.shared.regime.name().to_owned(),
+        upstream_closure: run.model.closure().name().to_owned(),
+        scalars: scalars.finite(),
+        iterations: ended.iterations as u64,
+        root_evidence: ended.root_evidence.map(str::to_owned),
+        validity: (!names.is_empty()).then(|| names.join(", ")),
+        grid_convergence: told.as_ref().map(|detail| grid_convergence(detail.as_ref())),
+        grid_error: told.flatten(),
+        profile: ended.state.as_ref().map(profile),
+        series,
+        states,
+        transects,
+    }
+}
+
+fn scalars(run: &RunSpec, ended: &Ended, s: &State) -> Scalars {
+    let (model, x_m) = (&run.model, ended.terminus_x_m);
+    let parameters = ended.parameters.as_ref().unwrap_or(run.parameters());
+    let budget = Budget::of(model, parameters, s, x_m);
+    let record = ended.transient.as_ref().map(|(_, record)| record);
+    let (smallest, _) = strain_rates_per_a(s);
+    Scalars {
+        length_m: Some(s.length_m),
+        thickness_0_m: Some(s.thickness_0_m()),
+        force_n_per_m: Some(force::force_n_per_m(s)),
+        force_quasi_static_n_per_m: Some(force::force_quasi_static_n_per_m(s)),
+        velocity_end_m_per_a: Some(s.velocity_m_per_a[s.n_cells()]),
+        volume_m3: Some(force::volume_m3(model, s, x_m)),
+        residual_norm: Some(ended.residual_norm),
+        mass_budget_defect: (run.shared.regime == Regime::Steady).then(|| budget.steady_defect()),
+        yielding_fraction: Some(force::yielding_fraction(model, s)),
+        terminus_x_m: record.map(|_| x_m),
+        inflow_m3_per_a: Some(budget.inflow_m3_per_a),
+        melt_m3_per_a: Some(budget.melt_m3_per_a),
+        outflow_m3_per_a: Some(budget.outflow_m3_per_a),
+        strain_rate_0_per_a: Some(s.strain_rate_per_a(0)),
+        strain_rate_min_per_a: Some(record.map_or(smallest, |r| r.strain_rate_min_per_a)),
+        inertial_number: Some(inertial_number(model, s, x_m)),
+        cfl_time_step_a: Some(cfl_time_step_a(s)),
+        cfl_number: record.map(|r| r.cfl_number),
+        ..Scalars::default()
+    }
+}
+
+fn transect_profile(run: &RunSpec, s: &State, terminus_x_m: f64, chi: f64) -> TransectProfile {
+    let t = transect(&run.model, s, terminus_x_m, chi);
+    TransectProfile {
+        chi: t.chi,
+        x_m: t.x_m,
+        width_m: t.width_m,
+        mu_w: t.mu_w.abs(),
+        y_m: t.y_m,
+        velocity_m_per_a: t.velocity_m_per_a,
+        fluidity_per_a: t.fluidity_per_a,
+    }
+}
+
+fn grid_error_detail(told: &GridError) -> GridErrorDetail {
+    let quantity = |name, c: &Convergence| GridQuantity {
+        name,
+        values: c.values,
+        observed_order: c.observed_order,
+        extrapolated: c.extrapolated,
+        verdict: if c.is_asymptotic() { "asymptotic" } else { "not asymptotic" },
+        error: c.error,
+    };
+    GridErrorDetail {
+        n_cells: told.n_cells,
+        quantities: vec![
+            quantity("length_m", &told.length),
+            quantity("thickness_0_m", &told.thickness_0),
+            quantity("force_n_per_m", &told.force),
+        ],
+    }
+}
+
+/// One phrase on whether the errors are estimates or spreads.
+fn grid_convergence(detail: Option<&GridErrorDetail>) -> String {
+    let Some(detail) = detail else {
+        return "unknown: a finer grid has no steady state".into();
+    };
+    let spread: Vec<&str> =
+        (detail.quantities.iter()).filter(|q| q.extrapolated.is_none()).map(|q| q.name).collect();
+    if spread.is_empty() {
+        "asymptotic".into()
+    } else {
+        format!("not asymptotic: {}", spread.join(", "))
+    }
+}
