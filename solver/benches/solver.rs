@@ -24,13 +24,13 @@ fn model(melt_rate_m_per_day: f64) -> Model {
 
 fn benches(c: &mut Criterion) {
     let mut solver = Solver::new(model(0.6));
-    let Ok(SteadyVerdict::Converged { solution, first_level }) = solver.steady(None) else {
+    let Ok(SteadyVerdict::Converged { solution, trail }) = solver.steady(None) else {
         panic!("the base case has a steady state");
     };
     c.bench_function("steady, cold", |b| b.iter(|| black_box(solver.steady(None))));
     solver.retarget(model(0.61));
     c.bench_function("steady, from a neighbour", |b| {
-        b.iter(|| black_box(solver.steady(Some(&first_level))));
+        b.iter(|| black_box(solver.steady(Some(&trail))));
     });
     let thickness = wedge(&model(0.6), 75.0);
     c.bench_function("diagnostic", |b| b.iter(|| black_box(solver.diagnostic(&thickness, 1e4))));

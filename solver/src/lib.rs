@@ -104,6 +104,7 @@ mod smoothing;
 pub mod state;
 pub mod steady;
 mod timestep;
+pub mod trail;
 pub mod transect;
 pub mod transient;
 

@@ -21,29 +21,68 @@ pub(crate) const STAGE: &str = "taking the smoothing of the rheology's kinks to 
 /// smoothing then changes |μ − μ_s| by less than 1/200 of itself.
 const CLEAR: f64 = 10.0;
 
+/// How often the step from one level to the next is divided in two before other means are tried.
+pub(crate) const DIVISIONS: usize = 3;
+
 impl Solver {
     /// Solves a task at every level below `reached`, at which the iterate is a root. Where a root ends
     /// on a kink, the fluidity relaxes in pseudo-time to the one that takes over.
     pub(crate) fn follow(&mut self, task: Task<'_>, reached: f64) -> Result<Root, SolveError> {
-        let mut root = None;
+        let (mut root, mut last) = (None, reached);
         for level in LEVELS.into_iter().filter(|level| *level < reached) {
-            root = Some(self.solve_or_relax(task.smoothed(level), STAGE)?);
-            if let Some(root) = self.leap(task, level) {
+            let lowered = self.lower(task, last, level, DIVISIONS);
+            root = Some(lowered.or_else(|_| self.relax(task.smoothed(level), STAGE))?);
+            if let Some(root) = self.leap(task, level, None) {
                 return Ok(root);
             }
+            last = level;
         }
         Ok(root.expect("the last level, 0, is below any other"))
     }
 
+    /// Takes the root in the iterate from one level to another, by way of one between them where the
+    /// step is too long. After an error the iterate is the last root on the way.
+    pub(crate) fn lower(
+        &mut self,
+        task: Task<'_>,
+        from: f64,
+        to: f64,
+        divisions: usize,
+    ) -> Result<Root, SolveError> {
+        let limits = Limits { iterations: 12, ..Limits::at_smoothing(to) };
+        let saved = self.newton.x.clone();
+        match self.solve_from_iterate(task.smoothed(to), limits, STAGE) {
+            Ok(root) => Ok(root),
+            Err(error) => {
+                self.newton.x.copy_from_slice(&saved);
+                if divisions == 0 || to == 0.0 {
+                    return Err(error);
+                }
+                let between = (from * to).sqrt();
+                self.lower(task, from, between, divisions - 1)?;
+                self.lower(task, between, to, divisions - 1)
+            }
+        }
+    }
+
     /// From the root at `level` to the model itself, if every cell is clear of its kink and keeps its
-    /// side of it; else the iterate stays where it was.
-    pub(crate) fn leap(&mut self, task: Task<'_>, level: f64) -> Option<Root> {
+    /// side of it; else the iterate stays where it was. `guess` is where the model's root should be, if
+    /// there is a better one than the root at `level`.
+    pub(crate) fn leap(
+        &mut self,
+        task: Task<'_>,
+        level: f64,
+        guess: Option<&[f64]>,
+    ) -> Option<Root> {
         let excess = self.yield_excesses();
         if level == 0.0 || excess.iter().any(|e| e.abs() < CLEAR * level) {
             return None;
         }
         let limits = Limits { iterations: 6, ..Limits::default() };
         let saved = self.newton.x.clone();
+        if let Some(guess) = guess {
+            self.newton.x.copy_from_slice(guess);
+        }
         let root = self.solve_from_iterate(task.smoothed(0.0), limits, STAGE).ok();
         let root = root.filter(|_| {
             let same_side =
@@ -57,7 +96,7 @@ impl Solver {
     }
 
     /// 1 − μ_s/μ of the iterate's interior cells.
-    fn yield_excesses(&self) -> Vec<f64> {
+    pub(crate) fn yield_excesses(&self) -> Vec<f64> {
         let n = self.model.parameters.n_cells;
         let mut state = State::zeros(n);
         state.unpack(&self.newton.x);
@@ -70,7 +109,7 @@ impl Solver {
         task: Task<'_>,
         stage: &'static str,
     ) -> Result<Root, SolveError> {
-        let limits = Limits { iterations: 15, ..Limits::default() };
+        let limits = Limits { iterations: 15, ..Limits::at_smoothing(task.smoothing) };
         let saved = self.newton.x.clone();
         self.solve_from_iterate(task, limits, stage).or_else(|_| {
             self.newton.x.copy_from_slice(&saved);
@@ -86,7 +125,7 @@ impl Solver {
         /// Pseudo-steps between this and its inverse, in units of the fluidity's and the friction's own.
         const RANGE: f64 = 1e6;
 
-        let limits = Limits { iterations: 15, ..Limits::default() };
+        let limits = Limits { iterations: 15, ..Limits::at_smoothing(task.smoothing) };
         let mut state = State::zeros(self.model.parameters.n_cells);
         state.unpack(&self.newton.x);
         // The fluidity's own lengths are Δx and ξ = Ad/√|μ − μ_s|, the friction's own speed is U.

@@ -9,8 +9,9 @@ use crate::newton::{Limits, Root};
 use crate::params::ParameterError;
 use crate::physics::closure::UpstreamClosure;
 use crate::physics::continuity::{Before, MassBalance};
-use crate::smoothing::{self, LEVELS};
+use crate::smoothing::LEVELS;
 use crate::state::State;
+use crate::trail::Trail;
 use crate::{Model, Solution, Solver, Task, diagnostic};
 
 /// A mélange counts as collapsed when H₀ falls below this multiple of d, its thickness at the end …
@@ -29,12 +30,12 @@ pub const NEARLY_CLOSED: f64 = 0.02;
 /// How the search for a steady state ended. Every text is evidence in one sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SteadyVerdict {
-    /// The steady state; `first_level` is the root at the first ε, from which a neighbour starts.
+    /// The steady state, and the way to it, beside which a neighbour's is found sooner.
     Converged {
         /// The root the rule picks.
         solution: Solution,
-        /// The root at the first level of smoothing.
-        first_level: State,
+        /// The roots at the levels of smoothing.
+        trail: Trail,
     },
     /// There is none: the mélange runs away to the size of its icebergs.
     NoSteadyState(String),
@@ -45,7 +46,7 @@ pub enum SteadyVerdict {
 }
 
 /// How a pseudo-transient march ended.
-enum March {
+pub(crate) enum March {
     Settled(Root),
     Ended(Box<SteadyVerdict>),
 }
@@ -54,8 +55,12 @@ enum March {
 /// [`diagnostic::balanced_wedge`].
 const STARTS: [f64; 4] = [0.2, 0.5, 0.08, 0.03];
 
+/// Thickness at the terminus and length, in d, of the start that a collapse is checked by: a little above
+/// what counts as collapsed.
+const BELOW: (f64, f64) = (1.2, 40.0);
+
 /// First pseudo-transient step, a.
-const FIRST_STEP_A: f64 = 0.02;
+pub(crate) const FIRST_STEP_A: f64 = 0.02;
 /// First pseudo-transient step from a neighbour's root, a.
 const FIRST_STEP_WARM_A: f64 = 1.0;
 /// Steps longer than this hand over to Newton's method on the steady equations, a.
@@ -91,15 +96,19 @@ impl Model {
 }
 
 impl Solver {
-    /// The steady state; `near` is a neighbour's root at the first level of smoothing, which saves
-    /// time and does not change the answer.
-    pub fn steady(&mut self, near: Option<&State>) -> Result<SteadyVerdict, SolveError> {
+    /// The steady state; `near` is the way to a neighbour's, which saves time and does not change the
+    /// answer.
+    pub fn steady(&mut self, near: Option<&Trail>) -> Result<SteadyVerdict, SolveError> {
         if let Some(verdict) = self.steady_by_construction()? {
             return Ok(verdict);
         }
-        let n = self.model.parameters.n_cells;
-        let near = near.filter(|s| s.check(n).is_ok());
-        self.steady_first_from(near.map(|near| (near.clone(), FIRST_STEP_WARM_A)))
+        let Some(near) = near.filter(|near| near.n_cells() == self.model.parameters.n_cells) else {
+            return self.steady_cold();
+        };
+        if let Some(verdict) = self.steady_beside(near) {
+            return Ok(verdict);
+        }
+        self.steady_first_from(Some((near.first(), FIRST_STEP_WARM_A)))
     }
 
     /// The steady state, sought first from a geometry: H (\[N\] m) and L (m). It does not change the
@@ -154,7 +163,7 @@ impl Solver {
                 Ok(verdict @ SteadyVerdict::NoSteadyState(_)) => {
                     collapses += 1;
                     if collapses == 2 {
-                        return Ok(verdict);
+                        return Ok(self.steady_from_below().unwrap_or(verdict));
                     }
                 }
                 Ok(verdict) => return Ok(verdict),
@@ -164,13 +173,26 @@ impl Solver {
         Err(failure.expect("a start that neither ends nor fails twice does not exist"))
     }
 
+    /// The steady state that a march from a mélange hardly thicker than its icebergs leads to: one that
+    /// thins towards a short mélange may, in passing, look collapsed.
+    fn steady_from_below(&mut self) -> Option<SteadyVerdict> {
+        let d_m = self.model.parameters.d_m;
+        let thickness_m = diagnostic::wedge(&self.model, BELOW.0 * d_m);
+        let start = self.diagnostic_at(&thickness_m, BELOW.1 * d_m, &LEVELS[..1]).ok()?;
+        let March::Settled(_) = self.march(start, FIRST_STEP_A, LEVELS[0]).ok()? else {
+            return None;
+        };
+        let verdict = self.descend_from(LEVELS[0]).ok()?;
+        matches!(verdict, SteadyVerdict::Converged { .. }).then_some(verdict)
+    }
+
     fn steady_from_wedge(&mut self, share: f64) -> Result<SteadyVerdict, SolveError> {
         let p = self.model.parameters;
         let thickness_0_m = p.d_m + share * (p.terminus_thickness_m - p.d_m);
         let (thickness, length_m) = diagnostic::balanced_wedge(&self.model, thickness_0_m);
         // A collapse of the smoothed mélange is believed only if a less smoothed one collapses too.
         let mut last = None;
-        for reached in [1, 3] {
+        for reached in [1, 2] {
             let levels = &LEVELS[..reached];
             let start = self.diagnostic_at(&thickness, length_m, levels)?;
             let smoothing = levels[reached - 1];
@@ -187,14 +209,14 @@ impl Solver {
 
     /// Pseudo-transient steps at one level of smoothing, until Newton's method on the steady
     /// equations settles from where they lead; the iterate is then its root.
-    fn march(
+    pub(crate) fn march(
         &mut self,
         start: State,
         first_dt_a: f64,
         smoothing: f64,
     ) -> Result<March, SolveError> {
         let stage = "marching towards the steady state";
-        let limits = Limits { iterations: 15, ..Limits::default() };
+        let limits = Limits { iterations: 15, ..Limits::at_smoothing(smoothing) };
         let mut state = start;
         let mut dt_a = first_dt_a;
         let mut time_a = 0.0;
@@ -289,56 +311,6 @@ impl Solver {
                 s.length_m
             ))
         })
-    }
-
-    /// Follows the root in the iterate, at level `reached`, to the model itself.
-    fn descend_from(&mut self, reached: f64) -> Result<SteadyVerdict, SolveError> {
-        let p = self.model.parameters;
-        let mut first_level = State::zeros(p.n_cells);
-        first_level.unpack(&self.newton.x);
-        let root = match self.follow_steady(reached)? {
-            Ok(root) => root,
-            Err(verdict) => return Ok(verdict),
-        };
-        let solution = self.solution(root);
-        self.model.check_reach(0.0, solution.state.length_m)?;
-        let h0 = solution.state.thickness_0_m();
-        if h0 >= p.terminus_thickness_m {
-            return Ok(SteadyVerdict::Overthick(format!(
-                "the steady state would be {h0:.1} m thick at the terminus, which is {} m thick",
-                p.terminus_thickness_m
-            )));
-        }
-        if collapsed(&self.model, &solution.state) {
-            return Ok(SteadyVerdict::NoSteadyState(format!(
-                "the only steady state found is {:.0} m long and {h0:.2} m thick, no longer a mélange",
-                solution.state.length_m
-            )));
-        }
-        Ok(SteadyVerdict::Converged { solution, first_level })
-    }
-
-    /// Takes a steady root from level `reached` of the smoothing to the model itself. Where the root
-    /// ends, the mélange marches on to the state that takes over, or to a verdict.
-    fn follow_steady(&mut self, reached: f64) -> Result<Result<Root, SteadyVerdict>, SolveError> {
-        let mut state = State::zeros(self.model.parameters.n_cells);
-        let limits = Limits { iterations: 12, ..Limits::default() };
-        let mut root = None;
-        for level in LEVELS.into_iter().filter(|level| *level < reached) {
-            state.unpack(&self.newton.x);
-            let task = Task::new(MassBalance::Steady);
-            match self.solve_from_iterate(task.smoothed(level), limits, smoothing::STAGE) {
-                Ok(found) => root = Some(found),
-                Err(_) => match self.march(state.clone(), FIRST_STEP_A, level)? {
-                    March::Settled(found) => root = Some(found),
-                    March::Ended(verdict) => return Ok(Err(*verdict)),
-                },
-            }
-            if let Some(root) = self.leap(task, level) {
-                return Ok(Ok(root));
-            }
-        }
-        Ok(Ok(root.expect("the last level, 0, is below any other")))
     }
 }
 

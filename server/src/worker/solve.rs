@@ -14,8 +14,8 @@ use melange_solver::grid_error::grid_error;
 use melange_solver::observe::Moment;
 use melange_solver::physics::terminus::CalvingLaw;
 use melange_solver::quasi_static::{Given, QuasiStaticVerdict};
-use melange_solver::state::State;
 use melange_solver::steady::SteadyVerdict;
+use melange_solver::trail::Trail;
 use melange_solver::transient::{Ending, Plan, TransientEnd};
 use melange_solver::{Solution, Solver, diagnostic, force};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,7 +28,7 @@ const SMOOTHING_LIMIT: &str = "smoothing limit";
 #[derive(Debug, Default)]
 pub struct Walker {
     solver: Option<Solver>,
-    near: Option<State>,
+    near: Option<Trail>,
 }
 
 /// A state to go on from, and the force of the steady state behind it, if there is one.
@@ -116,8 +116,8 @@ impl Walker {
         let steady = if run.needs_steady_state() {
             let near = self.near.take();
             match self.solver().steady(near.as_ref()).map_err(gave_up)? {
-                SteadyVerdict::Converged { solution, first_level } => {
-                    self.near = Some(first_level);
+                SteadyVerdict::Converged { solution, trail } => {
+                    self.near = Some(trail);
                     Some(solution)
                 }
                 other => {

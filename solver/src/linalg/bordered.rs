@@ -25,6 +25,7 @@ pub struct Bordered<const KL: usize, const KU: usize> {
     multipliers: Vec<[f64; KL]>,
     pivots: Vec<usize>,
     inverse_pivots: Vec<f64>,
+    is_positive: bool,
 }
 
 /// No usable pivot in this column.
@@ -43,6 +44,7 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
             multipliers: vec![[0.0; KL]; n],
             pivots: vec![0; n],
             inverse_pivots: vec![0.0; n],
+            is_positive: true,
         }
     }
 
@@ -77,6 +79,11 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
         pulp::Arch::new().dispatch(Factorise(self))
     }
 
+    /// Whether the determinant is positive, from the factors.
+    pub fn is_positive(&self) -> bool {
+        self.is_positive
+    }
+
     /// Solves for one right-hand side, in place, with the factors.
     pub fn solve(&self, rhs: &mut [f64]) {
         pulp::Arch::new().dispatch(Solve(self, rhs));
@@ -85,6 +92,7 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
     #[inline(always)]
     fn eliminate(&mut self) -> Result<(), Singular> {
         let n = self.rows();
+        self.is_positive = true;
         for k in 0..n - 1 {
             let last = (k + KL).min(n - 1);
             let mut pivot = k;
@@ -103,7 +111,9 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
                 let (upper, lower) = self.band.two_rows_from(k, pivot, k);
                 upper[..KL + KU + 1].swap_with_slice(&mut lower[..KL + KU + 1]);
                 self.border.swap(k, pivot);
+                self.is_positive = !self.is_positive;
             }
+            self.is_positive ^= self.band.get(k, k) < 0.0;
             let inverse = 1.0 / self.band.get(k, k);
             self.inverse_pivots[k] = inverse;
             for i in k + 1..=last {
@@ -119,6 +129,7 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
             }
         }
         let corner = self.border[n - 1];
+        self.is_positive ^= corner < 0.0;
         if corner != 0.0 && corner.is_finite() { Ok(()) } else { Err(Singular { column: n - 1 }) }
     }
 

@@ -241,6 +241,18 @@ impl Linear for Jacobian {
         Ok(())
     }
 
+    fn is_positive(&self) -> bool {
+        let mut is_positive = self.core.is_positive();
+        for (j, elimination) in self.eliminated.iter().enumerate() {
+            is_positive ^= match elimination {
+                Elimination::Transverse { .. } => self.friction[j].by_mu < 0.0,
+                // The two rows have changed places.
+                Elimination::Stress { .. } => self.stress_by_mu[j] >= 0.0,
+            };
+        }
+        is_positive ^ (self.feedback.is_used && self.feedback.denominator < 0.0)
+    }
+
     fn solve(&self, rhs: &mut [f64]) {
         self.solve_without_feedback(rhs);
         let Feedback { is_used, row, solved, denominator, .. } = &self.feedback;

@@ -33,13 +33,13 @@ fn walking_through_neighbours_up_or_down_does_not_change_the_answer() {
         for i in order {
             solver.retarget(model(|p| p.melt_rate_m_per_day = melts[i]));
             let verdict = solver.steady(near.as_ref()).expect("a verdict");
-            let SteadyVerdict::Converged { solution, first_level } = verdict else {
+            let SteadyVerdict::Converged { solution, trail } = verdict else {
                 panic!("melt {} has a steady state", melts[i]);
             };
             assert_close("L", solution.state.length_m, cold[i].length_m, 1e-9);
             let fluidity = &solution.state.fluidity_per_a;
             assert_all_close("g", fluidity, &cold[i].fluidity_per_a, 1e-9);
-            near = Some(first_level);
+            near = Some(trail);
         }
     }
 }
@@ -63,11 +63,11 @@ fn roots_that_end_on_a_kink_are_passed() {
         });
         let mut solver = Solver::new(near);
         let verdict = solver.steady(None).expect("a verdict");
-        let SteadyVerdict::Converged { first_level, .. } = verdict else {
+        let SteadyVerdict::Converged { trail, .. } = verdict else {
             panic!("the neighbour has a steady state");
         };
         solver.retarget(m.clone());
-        let warm = converged(solver.steady(Some(&first_level)).expect("a verdict"));
+        let warm = converged(solver.steady(Some(&trail)).expect("a verdict"));
         assert_close("H0", warm.state.thickness_0_m(), cold.state.thickness_0_m(), 1e-9);
     }
 }
@@ -90,12 +90,12 @@ fn a_neighbour_changes_neither_verdict_nor_root() {
                 match (cold, warm) {
                     (
                         SteadyVerdict::Converged { solution: cold, .. },
-                        SteadyVerdict::Converged { solution: warm, first_level },
+                        SteadyVerdict::Converged { solution: warm, trail },
                     ) => {
                         let (cold, warm) = (cold.state, warm.state);
                         assert_close("L", warm.length_m, cold.length_m, 1e-9);
                         assert_close("H0", warm.thickness_0_m(), cold.thickness_0_m(), 1e-9);
-                        near = Some(first_level);
+                        near = Some(trail);
                         seen[0] += 1;
                     }
                     (SteadyVerdict::NoSteadyState(_), SteadyVerdict::NoSteadyState(_)) => {

@@ -127,3 +127,69 @@ fn an_observer_stops_a_transient() {
     let error = solver.transient(start, &plan, &mut stop).expect_err("stopped");
     assert!(matches!(error, SolveError::Stopped { time_a } if (time_a - 0.3).abs() < 1e-12));
 }
+
+/// Base case but for one value each: g_loc without bound when rounded in μ, and friction that vanishes.
+#[test]
+fn extreme_rheologies_end_in_a_verdict() {
+    for m in [model(|p| p.b = 1.0), model(|p| p.b = 100.0), model(|p| p.mu_s = 0.02)] {
+        assert!(matches!(verdict(m.clone()), SteadyVerdict::Converged { .. }), "{m:?}");
+    }
+    for mu_s in [1e-3, 1e-2] {
+        assert!(matches!(verdict(model(|p| p.mu_s = mu_s)), SteadyVerdict::NoSteadyState(_)));
+    }
+}
+
+#[test]
+fn without_inflow_a_wedge_slides_under_its_own_weight() {
+    let m = model(|p| (p.calving_rate_m_per_a, p.terminus_velocity_m_per_a) = (0.0, 0.0));
+    let thickness = wedge(&m, 75.0);
+    let state = Solver::new(m).diagnostic(&thickness, 1e4).expect("a root").state;
+    assert!(state.velocity_m_per_a[0].abs() < 1e-9, "{}", state.velocity_m_per_a[0]);
+    assert!(state.velocity_m_per_a[1..].iter().all(|u| *u > 0.0));
+}
+
+/// Marches from thick starts pass below it, to where a mélange counts as collapsed.
+#[test]
+fn a_short_steady_state_is_not_taken_for_a_collapse() {
+    let m = model(|p| {
+        (p.melt_rate_m_per_day, p.width_m, p.width_gradient) = (1.729, 6611.6, -0.06825);
+        (p.calving_rate_m_per_a, p.terminus_velocity_m_per_a) = (1451.5, 1451.5);
+        (p.terminus_thickness_m, p.d_m, p.b) = (620.26, 4.002, 368454.6);
+        (p.A, p.mu_s, p.n_cells) = (4.839, 0.1126, 41);
+    });
+    assert!(matches!(verdict(m), SteadyVerdict::Converged { .. }));
+}
+
+/// Parameters over all that is permitted in practice, the wide fjords with small icebergs among them
+/// whose transects are not resolved: every solve ends in a verdict.
+#[test]
+fn parameters_drawn_at_random_end_in_a_verdict() {
+    // Weyl sequences of the square roots of primes fill the box evenly.
+    let share = |i: usize, prime: f64| (i as f64 * prime.sqrt()).fract();
+    let between = |share: f64, low: f64, high: f64| low + share * (high - low);
+    let mut seen = [0; 4];
+    for i in 1..=120 {
+        let m = model(|p| {
+            p.melt_rate_m_per_day = between(share(i, 2.0), 0.0, 3.0);
+            p.width_m = between(share(i, 3.0), 1e3, 2e4);
+            p.width_gradient = between(share(i, 5.0), -0.1, 0.1);
+            p.terminus_velocity_m_per_a = between(share(i, 7.0), 500.0, 2e4);
+            p.calving_rate_m_per_a = p.terminus_velocity_m_per_a;
+            p.terminus_thickness_m = between(share(i, 11.0), 100.0, 1200.0);
+            p.d_m = between(share(i, 13.0), 2.0, 99.0);
+            p.b = 10_f64.powf(between(share(i, 17.0), 3.0, 7.0));
+            p.A = 10_f64.powf(between(share(i, 19.0), -1.0, 1.0));
+            p.mu_s = between(share(i, 23.0), 0.1, 0.7);
+            p.n_cells = between(share(i, 29.0), 10.0, 60.0) as usize;
+        });
+        let verdict = Solver::new(m.clone()).steady(None);
+        let slot = match verdict.unwrap_or_else(|e| panic!("{:?}: {e}", m.parameters())) {
+            SteadyVerdict::Converged { .. } => 0,
+            SteadyVerdict::NoSteadyState(_) => 1,
+            SteadyVerdict::Overthick(_) => 2,
+            SteadyVerdict::FjordClosed(_) => 3,
+        };
+        seen[slot] += 1;
+    }
+    assert!(seen[..3].iter().all(|count| *count > 10), "{seen:?}");
+}
