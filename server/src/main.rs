@@ -7,6 +7,8 @@ mod cli;
 mod domain;
 mod http;
 mod queue;
+mod reproduce;
+mod soak;
 mod store;
 mod worker;
 

@@ -1,7 +1,9 @@
 //! The command line: the composition root. It wires the rooms together and decides nothing.
 
+pub mod reproduce;
 pub mod run;
 pub mod serve;
+pub mod soak;
 pub mod sweep;
 
 use clap::{Parser, Subcommand};
@@ -27,6 +29,10 @@ enum Command {
     Serve(serve::Arguments),
     /// Serve, and queue the paper's melt sweep when the archive is empty.
     Demo(serve::Arguments),
+    /// Run the paper's experiments and print its claims beside what comes out.
+    Reproduce(reproduce::Arguments),
+    /// Draw parameters at random and tell what the solver does not manage.
+    Soak(soak::Arguments),
 }
 
 /// Runs the command given.
@@ -43,5 +49,7 @@ pub async fn main() -> anyhow::Result<ExitCode> {
         Command::Sweep(arguments) => sweep::main(&arguments).await,
         Command::Serve(arguments) => serve::main(&arguments, false).await,
         Command::Demo(arguments) => serve::main(&arguments, true).await,
+        Command::Reproduce(arguments) => reproduce::main(&arguments).await,
+        Command::Soak(arguments) => soak::main(&arguments).await,
     }
 }

@@ -4,8 +4,10 @@ mod architecture;
 mod browser;
 mod command_line;
 mod faults;
+mod reproduction;
 mod rest;
 mod scenarios;
+mod soak;
 mod tables;
 
 use serde_json::{Value, json};

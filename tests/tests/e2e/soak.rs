@@ -1,0 +1,38 @@
+//! `melange soak`: nothing fails among parameters drawn at random, and the report does not depend on
+//! threads.
+
+use melange_tests::melange;
+use serde_json::Value;
+
+fn soak(arguments: &[&str]) -> (Option<i32>, Value) {
+    let output = melange(&[&["soak", "solver", "--format", "json"], arguments].concat(), "");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let report = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
+    (output.status.code(), report)
+}
+
+#[test]
+fn of_500_sets_none_fails_breaks_off_or_is_not_finite() {
+    let (code, report) = soak(&["--count", "500", "--seed", "1"]);
+    let endings = report["endings"].as_object().expect("endings");
+    assert_eq!(endings.values().filter_map(Value::as_u64).sum::<u64>(), 500, "{endings:?}");
+    for ending in ["converged", "no_steady_state", "overthick"] {
+        assert!(endings[ending].as_u64() > Some(50), "{endings:?}");
+    }
+    for kind in ["panicked", "not_finite", "failed"] {
+        let findings = report[kind].as_array().expect("findings");
+        assert!(findings.is_empty(), "{kind}: {findings:#?}");
+    }
+    assert_eq!(code, Some(0));
+}
+
+#[test]
+fn the_report_does_not_depend_on_threads() {
+    let known = ["endings", "failed", "panicked", "not_finite", "marches", "contradicted"];
+    let reports = ["1", "3"].map(|threads| {
+        let count = ["--count", "40", "--seed", "9", "--transients", "2", "--threads", threads];
+        let (_, report) = soak(&count);
+        known.map(|name| report[name].clone())
+    });
+    assert_eq!(reports[0], reports[1]);
+}
