@@ -10,6 +10,9 @@ use crate::transient::{Ending, Evolution};
 
 /// First step tried, a.
 const FIRST_STEP_A: f64 = 1e-3;
+/// The step that makes a start consistent, a: a wedge need not satisfy the closure at the terminus or
+/// H_L = d, which the first implicit step then sees to, however short it is. No error is asked of it.
+const SETTLING_STEP_A: f64 = 1e-9;
 /// A shorter step than this is given up, a.
 const SHORTEST_STEP_A: f64 = 1e-10;
 /// The tolerance is spent over this time, the paper's time scale (Appendix B), so that the error of a result
@@ -42,6 +45,12 @@ impl Solver {
     ) -> Result<(), SolveError> {
         let mut next = usize::from(land_on_a.first() == Some(&0.0));
         run.report(0.0, (next == 1).then_some(0))?;
+        let start = run.now();
+        if run.end.ending == Ending::Completed
+            && self.euler(run, &start, SETTLING_STEP_A, SETTLING_STEP_A).is_ok()
+        {
+            run.end.time_a = SETTLING_STEP_A;
+        }
         let mut past: Vec<Past> = Vec::with_capacity(4);
         let mut wanted_a = FIRST_STEP_A;
         while next < land_on_a.len() && run.end.ending == Ending::Completed {
