@@ -18,6 +18,9 @@ const SHORTEST_STEP_A: f64 = 1e-10;
 /// The tolerance is spent over this time, the paper's time scale (Appendix B), so that the error of a result
 /// is about the tolerance, however many steps there are; longer steps may spend it at once. a.
 const SPENT_OVER_A: f64 = scale::LENGTH / scale::VELOCITY;
+/// Least share of the tolerance that a step may spend: where a cell crosses a kink the discrete root
+/// jumps by 1e-7 or so, however short the step.
+const LEAST_SHARE: f64 = 1e-3;
 /// Share of the step that the error would allow.
 const SAFETY: f64 = 0.85;
 /// Least and most that a step is of the one before; the formula is stable up to 1 + √2.
@@ -68,7 +71,7 @@ impl Solver {
             let kept = run.end.clone();
             // Of the error over the step's share of the tolerance.
             let order = if past.len() < 3 { 1.0 } else { 2.0 };
-            let tolerance = tolerance * (dt_a / SPENT_OVER_A).min(1.0);
+            let tolerance = tolerance * (dt_a / SPENT_OVER_A).clamp(LEAST_SHARE, 1.0);
             let tried = if past.len() < 3 {
                 self.start_by_doubling(run, &mut past, dt_a, to_a, tolerance)
             } else {
