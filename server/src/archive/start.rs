@@ -26,26 +26,22 @@ pub async fn check(
         return Ok(Err(refusal(format!("a run with a state; this one ended {status}"))));
     };
     let p = &entry.parameters;
-    let moved = entry.scalars.end_time_a.is_some()
-        && p.width_gradient != 0.0
-        && p.terminus_velocity_m_per_a != p.calving_rate_m_per_a;
-    if moved {
-        let permitted = "a run whose terminus stayed in place, or a fjord of constant width";
-        return Ok(Err(refusal(permitted.into())));
-    }
     let n_cells = p.n_cells;
+    let terminus_x_m = entry.scalars.terminus_x_m.unwrap_or(0.0);
     let sweep = sweep.clone();
     let misfit = tokio::task::spawn_blocking(move || {
-        (0..sweep.count()).map(|i| *sweep.run(i).parameters()).find_map(|p| {
+        (0..sweep.count()).map(|i| sweep.run(i).model).find_map(|model| {
+            let p = model.parameters();
+            let ends = [0.0, length_m].map(|x| model.fjord().width(terminus_x_m + x));
             if p.n_cells != n_cells {
                 Some(format!("a run with n_cells = {}, and it has {n_cells}", p.n_cells))
             } else if !(h0 > p.d_m && h0 < p.terminus_thickness_m) {
                 let (d, terminus) = (p.d_m, p.terminus_thickness_m);
                 Some(format!("a run with H0 between {d} and {terminus} m, and its H0 is {h0} m"))
-            } else if p.width_m + p.width_gradient * length_m <= 0.0 {
+            } else if ends.iter().any(|width_m| *width_m <= 0.0) {
                 Some(format!("a run in an open fjord, which at its end, {length_m} m, is closed"))
             } else {
-                None
+                model.check_reach(terminus_x_m, length_m).err().map(|e| e.to_string())
             }
         })
     })

@@ -7,13 +7,12 @@ pub mod solve;
 
 use crate::archive::{SolvedRun, catalogue, files, read};
 use crate::domain::document::Document;
-use crate::domain::outcome::Profile;
 use crate::domain::start::Start;
 use crate::domain::sweep::SweepSpec;
 use crate::queue::{self, Lease, LeaseLost};
 use crate::store::{Connection, Store};
 use anyhow::Context;
-use solve::Walker;
+use solve::{StoredStart, Walker};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -192,12 +191,16 @@ impl Workers {
 
     /// The stored state that the sweep names as its start, or why there is none; a start that cannot be
     /// read is a failure of its runs, not of the chunk.
-    async fn start(&self, sweep: &SweepSpec) -> Result<Profile, String> {
+    async fn start(&self, sweep: &SweepSpec) -> Result<StoredStart, String> {
         let Some(Start::Run(id)) = &sweep.document().start else {
             return Err("the sweep names no run to start from".into());
         };
         match read::stored(&self.store, id).await {
-            Ok(Some(outcome)) => outcome.profile.ok_or_else(|| "it has no state".into()),
+            Ok(Some(outcome)) => {
+                let terminus_x_m = outcome.scalars.terminus_x_m.unwrap_or(0.0);
+                let state = outcome.profile.map(|profile| StoredStart { profile, terminus_x_m });
+                state.ok_or_else(|| "it has no state".into())
+            }
             Ok(None) => Err("it is not in the archive".into()),
             Err(error) => Err(error.to_string()),
         }
@@ -208,7 +211,7 @@ impl Workers {
 fn solve_chunk(
     sweep: &SweepSpec,
     lease: &Lease,
-    start: Result<&Profile, &str>,
+    start: Result<&StoredStart, &str>,
     stop: &dyn Fn() -> bool,
 ) -> Option<(Vec<SolvedRun>, Duration)> {
     let begin = Instant::now();

@@ -9,6 +9,7 @@ use crate::domain::run::RunSpec;
 use crate::domain::start::Start;
 use crate::domain::status::Status;
 use crate::domain::time::Steps;
+use melange_solver::diagnostic::{self, Geometry};
 use melange_solver::error::SolveError;
 use melange_solver::grid_error::grid_error;
 use melange_solver::observe::Moment;
@@ -17,7 +18,7 @@ use melange_solver::quasi_static::{Given, QuasiStaticVerdict};
 use melange_solver::steady::SteadyVerdict;
 use melange_solver::trail::Trail;
 use melange_solver::transient::{Ending, Plan, TransientEnd};
-use melange_solver::{Solution, Solver, diagnostic, force};
+use melange_solver::{Solution, Solver, force};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Evidence given with a steady state.
@@ -31,9 +32,19 @@ pub struct Walker {
     near: Option<Trail>,
 }
 
+/// The last state of a stored run, to start from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredStart {
+    /// The state.
+    pub profile: Profile,
+    /// X₀, m.
+    pub terminus_x_m: f64,
+}
+
 /// A state to go on from, and the force of the steady state behind it, if there is one.
 struct Prepared {
     solution: Solution,
+    terminus_x_m: f64,
     steady_force_n_per_m: Option<f64>,
 }
 
@@ -43,7 +54,7 @@ impl Walker {
     pub fn solve(
         &mut self,
         run: &RunSpec,
-        start: Result<&Profile, &str>,
+        start: Result<&StoredStart, &str>,
         stop: &dyn Fn() -> bool,
     ) -> Option<Outcome> {
         let solved = catch_unwind(AssertUnwindSafe(|| self.ended(run, start, stop)));
@@ -57,7 +68,7 @@ impl Walker {
     fn ended(
         &mut self,
         run: &RunSpec,
-        start: Result<&Profile, &str>,
+        start: Result<&StoredStart, &str>,
         stop: &dyn Fn() -> bool,
     ) -> Option<Ended> {
         match &mut self.solver {
@@ -79,6 +90,7 @@ impl Walker {
             _ => "velocity, fluidity and friction solved at the given geometry",
         };
         let mut ended = solved(prepared.solution, detail);
+        ended.terminus_x_m = prepared.terminus_x_m;
         if run.shared.grid_error {
             let own = ended.state.as_ref().expect("a solution has a state");
             match grid_error(&run.model, own) {
@@ -109,7 +121,7 @@ impl Walker {
     fn prepared(
         &mut self,
         run: &RunSpec,
-        start: Result<&Profile, &str>,
+        start: Result<&StoredStart, &str>,
     ) -> Result<Prepared, Box<Ended>> {
         let failed = |detail: String| Box::new(Ended::verdict(Status::Failed, detail));
         let gave_up = |e: SolveError| Box::new(failure(&e));
@@ -129,24 +141,27 @@ impl Walker {
             None
         };
         let steady_force_n_per_m = steady.as_ref().map(|s| force::force_n_per_m(&s.state));
-        let (thickness_m, length_m) = match (&run.shared.start, steady) {
+        let (thickness_m, length_m, terminus_x_m) = match (&run.shared.start, steady) {
             (Some(Start::Wedge(w)), _) => {
-                (diagnostic::wedge(&run.model, w.thickness_0_m), w.length_m)
+                (diagnostic::wedge(&run.model, w.thickness_0_m), w.length_m, 0.0)
             }
             (Some(Start::Run(id)), _) => {
                 let unreadable = |e| failed(format!("the start's run {id} could not be read: {e}"));
-                let profile = start.map_err(unreadable)?;
+                let StoredStart { profile, terminus_x_m } = start.map_err(unreadable)?;
                 let length_m = profile.node_x_m.last().copied().unwrap_or(f64::NAN);
-                (profile.thickness_m.clone(), length_m)
+                (profile.thickness_m.clone(), length_m, *terminus_x_m)
             }
             (_, Some(steady)) if run.shared.regime == Regime::Diagnostic => {
-                (steady.state.thickness_m, steady.state.length_m)
+                (steady.state.thickness_m, steady.state.length_m, 0.0)
             }
-            (_, Some(solution)) => return Ok(Prepared { solution, steady_force_n_per_m }),
+            (_, Some(solution)) => {
+                return Ok(Prepared { solution, terminus_x_m: 0.0, steady_force_n_per_m });
+            }
             (_, None) => return Err(failed("the run has neither regime nor start".into())),
         };
-        let solution = self.solver().diagnostic(&thickness_m, length_m).map_err(gave_up)?;
-        Ok(Prepared { solution, steady_force_n_per_m })
+        let geometry = Geometry { thickness_m: &thickness_m, length_m, terminus_x_m };
+        let solution = self.solver().diagnostic_in(geometry).map_err(gave_up)?;
+        Ok(Prepared { solution, terminus_x_m, steady_force_n_per_m })
     }
 
     fn transient(
@@ -170,7 +185,7 @@ impl Walker {
             forcing: run.shared.forcing.clone(),
             calving_law,
             is_lagged: run.shared.is_lagged,
-            terminus_x_m: 0.0,
+            terminus_x_m: start.terminus_x_m,
         };
         let mut recorder = Recorder::new(steps, &run.model, stop);
         let spent = start.solution.iterations;

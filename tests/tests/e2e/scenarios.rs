@@ -163,6 +163,32 @@ fn a_result_says_how_good_it_is() {
     assert!(validity.as_str().expect("a caveat").contains("compression"), "{validity}");
 }
 
+/// A terminus that advances through a widening fjord: half a year, and another half from where the first
+/// ended, are a year.
+#[test]
+fn a_run_goes_on_where_another_one_left_its_terminus() {
+    let folder = folder();
+    let server = Server::start("serve", folder.path(), &[]);
+    let solved = |spec: Value| {
+        let id = server.submit(&spec);
+        assert_eq!(server.wait(&id)["counts"]["completed"], 1);
+        server.json(&format!("/api/v1/sweeps/{id}/runs"))["items"][0].clone()
+    };
+    let scenario = |start: Value, duration_a: f64| {
+        json!({"regime": "transient", "start": start,
+            "parameters": {"width_gradient": 0.02, "calving_rate_m_per_a": 5000, "n_cells": 20},
+            "time": {"duration_a": duration_a, "fixed_dt_a": 0.05}})
+    };
+    let wedge = json!({"length_m": 10_000, "thickness_0_m": 120});
+    let whole = solved(scenario(wedge.clone(), 1.0));
+    let first = solved(scenario(wedge, 0.5));
+    let second = solved(scenario(json!({"run": first["run_id"]}), 0.5));
+    assert_close("X_0", &first["terminus_x_m"], &json!(500.0), 1e-12);
+    for name in ["terminus_x_m", "length_m", "thickness_0_m", "force_n_per_m"] {
+        assert_close(name, &second[name], &whole[name], 1e-7);
+    }
+}
+
 /// What the README points at works.
 #[test]
 fn every_example_is_solved() {
