@@ -54,7 +54,7 @@
 //! | | 100 | 112.211 | 11907.2 | 6.1152 | |
 //! | | 200 | 112.258 | 11894.4 | 6.1203 | |
 //! | | 400 | 112.282 | 11887.9 | 6.1229 | 1.01, 0.98, 1.01 |
-//! | `printed`, C8 | | 83…91 | | 3.95…8.2 | none: a family, the start picks the member |
+//! | `printed`, C8 | 50 | 83…149 | | 3.95…8.2 | none: a family, the start picks the member |
 //!
 //! # Deviations from the printed paper
 //!
@@ -68,8 +68,8 @@
 //!    L = 12,248 m, F/W = 8.59·10⁶ N/m.
 //! 4. C6 lacks Eq. 26's factor two, which stays. Without it H₀ = 182.4 m, L = 12,539 m,
 //!    F/W = 12.4·10⁶ N/m.
-//! 5. C8 leaves the steady state undetermined (H₀ from 83 to 91 m, F/W from 3.95 to 8.2·10⁶ N/m, depending on
-//!    the start); by default the first mass row is H½ − 2H₃⸝₂ + H₅⸝₂ = 0, which gives the paper's figures.
+//! 5. C8 leaves the steady state undetermined (members with H₀ from 83 to 149 m and F/W from 3.95 to
+//!    8.2·10⁶ N/m have been found, depending on the start); by default the first mass row is H½ − 2H₃⸝₂ + H₅⸝₂ = 0, which gives the paper's figures.
 //! 6. δε̇, for which the paper prints no value, is 1 a⁻¹ and enters μ = (|ε̇_xx| + δε̇)/g^x alone. It is no
 //!    numerical detail: 0.1 a⁻¹ gives H₀ = 269.0 m and F/W = 20.4·10⁶ N/m, 10 a⁻¹ gives 85.1 m and
 //!    3.22·10⁶ N/m.

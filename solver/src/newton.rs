@@ -129,15 +129,13 @@ impl<J: Linear> Workspace<J> {
     }
 
     /// Whether a residual of this norm is no more than what changes of the iterate's last digits do to
-    /// it: there is then no better root in this arithmetic. The sides alternate, because neighbours'
-    /// differences are what loses digits.
+    /// it: there is then no better root in this arithmetic. The sides follow the Thue–Morse sequence, which
+    /// repeats nowhere, since differences of unknowns are what loses digits.
     fn is_noise<S: System>(&mut self, system: &mut S, norm: f64) -> bool {
         /// Multiples of the residual's change that are noise still: several operations are rounded, not one.
         const ROUNDINGS: f64 = 4.0;
-        /// Places between an unknown and its neighbour along the mélange, for all but μ_w.
-        const NEIGHBOUR: usize = 3;
         for (i, (trial, x)) in self.trial.iter_mut().zip(&self.x).enumerate() {
-            let side = if (i / NEIGHBOUR).is_multiple_of(2) { 1.0 } else { -1.0 };
+            let side = if i.count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
             *trial = x * (1.0 + side * f64::EPSILON);
         }
         if system.residual(&self.trial, &mut self.correction).is_err() {
