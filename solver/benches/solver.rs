@@ -3,6 +3,7 @@
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use melange_solver::diagnostic::{balanced_wedge, wedge};
+use melange_solver::forcing::{Course, Forcing};
 use melange_solver::newton::{Linear, System};
 use melange_solver::params::Parameters;
 use melange_solver::physics::closure::UpstreamClosure;
@@ -34,9 +35,12 @@ fn benches(c: &mut Criterion) {
     });
     let thickness = wedge(&model(0.6), 75.0);
     c.bench_function("diagnostic", |b| b.iter(|| black_box(solver.diagnostic(&thickness, 1e4))));
-    c.bench_function("ten implicit steps", |b| {
+    // Fig. 7: from the steady state of 0.6 m d⁻¹ through the first tenth of a year.
+    let melt = Course::Sinusoid { mean: 0.6, amplitude: 0.2, period_a: 1.0, phase_a: 0.0 };
+    let forcing = Forcing::new(vec![("melt_rate_m_per_day".into(), melt)]).expect("in range");
+    let plan = Plan { forcing, ..Plan::fixed(0.01, 10) };
+    c.bench_function("ten implicit steps of a season", |b| {
         b.iter(|| {
-            let plan = Plan::fixed(0.01, 10);
             let mut go_on = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
             black_box(solver.transient(solution.state.clone(), &plan, &mut go_on))
         });

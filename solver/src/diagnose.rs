@@ -48,9 +48,9 @@ impl Budget {
     }
 }
 
-/// Smallest and largest longitudinal strain rate of any cell, a⁻¹.
+/// Smallest and largest longitudinal strain rate of any cell but the last, where Eq. 23 makes it 0; a⁻¹.
 pub fn strain_rates_per_a(s: &State) -> (f64, f64) {
-    (0..s.n_cells())
+    (0..s.n_cells() - 1)
         .map(|c| s.strain_rate_per_a(c))
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), e| (min.min(e), max.max(e)))
 }

@@ -166,7 +166,7 @@ scalars! {
     melt_m3_per_a: "m3 a-1", "ice that melts";
     outflow_m3_per_a: "m3 a-1", "ice that leaves at the end, U_L d W_L";
     strain_rate_0_per_a: "a-1", "strain rate du/dx at the terminus";
-    strain_rate_min_per_a: "a-1", "smallest strain rate of any cell; of all steps of a transient";
+    strain_rate_min_per_a: "a-1", "smallest strain rate of any cell but the last; of all steps of a transient";
     inertial_number: "1", "largest inertial number, along and across the fjord";
     cfl_time_step_a: "a", "time step of Courant number 1, Eq. 28";
     cfl_number: "1", "largest Courant number of a transient's steps";
