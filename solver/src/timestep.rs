@@ -11,7 +11,7 @@ use crate::transient::{Ending, Evolution};
 /// First step tried, a.
 const FIRST_STEP_A: f64 = 1e-3;
 /// The step that makes a start consistent, a: a wedge need not satisfy the closure at the terminus or
-/// H_L = d, which the first implicit step then sees to, however short it is. No error is asked of it.
+/// H_L = d, which the first implicit step then sees to, however short it is. It counts as no time.
 const SETTLING_STEP_A: f64 = 1e-9;
 /// A shorter step than this is given up, a.
 const SHORTEST_STEP_A: f64 = 1e-10;
@@ -48,11 +48,10 @@ impl Solver {
     ) -> Result<(), SolveError> {
         let mut next = usize::from(land_on_a.first() == Some(&0.0));
         run.report(0.0, (next == 1).then_some(0))?;
-        let start = run.now();
-        if run.end.ending == Ending::Completed
-            && self.euler(run, &start, SETTLING_STEP_A, SETTLING_STEP_A).is_ok()
-        {
-            run.end.time_a = SETTLING_STEP_A;
+        if run.end.ending == Ending::Completed {
+            // A start that cannot be made consistent is tried as it is.
+            let start = run.now();
+            self.euler(run, &start, SETTLING_STEP_A, SETTLING_STEP_A).ok();
         }
         let mut past: Vec<Past> = Vec::with_capacity(4);
         let mut wanted_a = FIRST_STEP_A;
@@ -61,6 +60,9 @@ impl Solver {
             let kink_a = run.plan.forcing.next_break_after(from_a).unwrap_or(f64::INFINITY);
             let target_a = land_on_a[next].min(kink_a);
             let remaining_a = target_a - from_a;
+            if let [_, old, last] = &past[..] {
+                wanted_a = wanted_a.min(CHANGE.1 * (last.time_a - old.time_a));
+            }
             // Two steps rather than a long and a tiny one.
             let is_last = wanted_a >= remaining_a;
             let dt_a = if is_last { remaining_a } else { wanted_a.min(0.5 * remaining_a) };
