@@ -28,8 +28,14 @@ struct Passed {
     excess: Vec<f64>,
 }
 
-/// Newton iterations that a neighbour's root may be away; more, and it is no neighbour.
-const BESIDE: usize = 6;
+/// Beside a neighbour's way: a root that takes more iterations is no neighbour's; a last step of 1e-3
+/// leaves about 1e-6, which is little beside what tells a jump.
+const BESIDE: Limits = Limits {
+    iterations: 6,
+    step_tolerance: 1e-3,
+    shortest_share: 1e-5,
+    checks_root: false,
+};
 /// Levels at which a neighbour's way is followed; between them lie the others of [`LEVELS`].
 const STEPPING_STONES: [f64; 3] = [LEVELS[0], LEVELS[2], LEVELS[4]];
 /// From level to level a root's cells move by about ε in 1 − μ_s/μ. Where one moves by more than this
@@ -66,9 +72,8 @@ impl Solver {
     pub(crate) fn steady_beside(&mut self, near: &Trail) -> Option<SteadyVerdict> {
         let first = &near.roots[0];
         self.newton.x.copy_from_slice(&first.x);
-        let limits = Limits { iterations: BESIDE, ..Limits::loose() };
         let task = Task::new(MassBalance::Steady);
-        self.solve_from_iterate(task.smoothed(first.level), limits, STAGE).ok()?;
+        self.solve_from_iterate(task.smoothed(first.level), BESIDE, STAGE).ok()?;
         let mut trail = self.trail_from(first.level);
         if trail.is_positive != near.is_positive {
             return None;
@@ -88,12 +93,11 @@ impl Solver {
     /// either way jumps, since the right root is then the one that this mélange's own way leads to.
     fn follow_beside(&mut self, trail: &mut Trail, near: &Trail) -> Option<Root> {
         let task = Task::new(MassBalance::Steady);
-        let limits = Limits { iterations: BESIDE, ..Limits::loose() };
         let mut before = &near.roots[0];
         for level in &STEPPING_STONES[1..] {
             let there = near.at(*level)?;
             self.newton.x.copy_from_slice(&moved(&there.x, &trail.last().x, &before.x));
-            self.solve_from_iterate(task.smoothed(*level), limits, STAGE).ok()?;
+            self.solve_from_iterate(task.smoothed(*level), BESIDE, STAGE).ok()?;
             self.pass(trail, *level);
             let [.., last, now] = &trail.roots[..] else { return None };
             if !before.leads_to(there) || !last.leads_to(now) {
