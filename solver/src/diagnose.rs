@@ -20,9 +20,9 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Of a state whose terminus stands at X₀. W₀ and W_L are the widths at the ends themselves;
-    /// `parameters` are those in force.
-    pub fn of(model: &Model, parameters: &Parameters, s: &State, terminus_x_m: f64) -> Self {
+    /// Of a state whose terminus stands at X₀. W₀ and W_L are the widths at the ends themselves.
+    pub fn of(model: &Model, s: &State, terminus_x_m: f64) -> Self {
+        let parameters = model.parameters();
         let n = s.n_cells();
         let width = |x_m: f64| model.fjord().width(terminus_x_m + x_m);
         let melted: f64 = (0..n)

@@ -48,6 +48,12 @@ pub enum SolveError {
         /// The mélange's end, m.
         to_x_m: f64,
     },
+    /// No time step, however short, keeps the error asked for.
+    #[error("at t = {time_a} a no time step is short enough for the error asked for")]
+    NoStepShortEnough {
+        /// Model time reached, in years.
+        time_a: f64,
+    },
     /// The closure at the terminus does not single out a steady state.
     #[error("closure `{closure}` leaves a family of steady states; it serves transients only")]
     ClosureLeavesFamily {

@@ -167,6 +167,11 @@ impl Model {
         &self.melt_shape
     }
 
+    /// The same with parameters that a forcing or a calving law has set; they are not checked again.
+    pub fn with_parameters(&self, parameters: Parameters) -> Self {
+        Self { parameters, ..self.clone() }
+    }
+
     /// Whether the tables of fjord and melt reach as far as a mélange of length L at X₀, in m.
     pub fn check_reach(&self, terminus_x_m: f64, length_m: f64) -> Result<(), SolveError> {
         let from_terminus =

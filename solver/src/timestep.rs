@@ -25,6 +25,8 @@ const LEAST_SHARE: f64 = 1e-3;
 const SAFETY: f64 = 0.85;
 /// Least and most that a step is of the one before; the formula is stable up to 1 + √2.
 const CHANGE: (f64, f64) = (0.2, 2.0);
+/// Times closer than this are one, a: a kink of the forcing and a landing may differ by rounding.
+const SAME_TIME_A: f64 = 1e-9;
 /// A step that has no solution is tried again with this share of its length.
 const AFTER_FAILURE: f64 = 0.25;
 
@@ -57,8 +59,18 @@ impl Solver {
         let mut wanted_a = FIRST_STEP_A;
         while next < land_on_a.len() && run.end.ending == Ending::Completed {
             let from_a = run.end.time_a;
-            let kink_a = run.plan.forcing.next_break_after(from_a).unwrap_or(f64::INFINITY);
-            let target_a = land_on_a[next].min(kink_a);
+            let landing_a = land_on_a[next];
+            if landing_a - from_a <= SAME_TIME_A {
+                run.end.time_a = landing_a;
+                run.report(0.0, Some(next))?;
+                next += 1;
+                continue;
+            }
+            let kink_a = run.plan.forcing.next_break_after(from_a + SAME_TIME_A);
+            let kink_a = kink_a.unwrap_or(f64::INFINITY);
+            let is_kink = kink_a <= landing_a + SAME_TIME_A;
+            let is_landing = landing_a <= kink_a + SAME_TIME_A;
+            let target_a = if is_landing { landing_a } else { kink_a };
             let remaining_a = target_a - from_a;
             if let [_, old, last] = &past[..] {
                 wanted_a = wanted_a.min(CHANGE.1 * (last.time_a - old.time_a));
@@ -79,6 +91,8 @@ impl Solver {
             } else {
                 self.two_step(run, &past, dt_a, to_a, tolerance)
             };
+            let no_number = SolveError::NoStepShortEnough { time_a: from_a };
+            let tried = tried.and_then(|e| if e.is_nan() { Err(no_number) } else { Ok(e) });
             match tried {
                 Ok(error) if error <= 1.0 => {
                     run.end.steps += 1;
@@ -90,10 +104,11 @@ impl Solver {
                     wanted_a = if is_last { wanted_a.max(dt_a * change) } else { dt_a * change };
                     self.model.check_reach(run.end.terminus_x_m, run.end.state.length_m)?;
                     run.end.ending = self.ending(&run.end);
-                    let has_landed = to_a == land_on_a[next];
+                    run.count_stopped_calving();
+                    let has_landed = is_last && is_landing;
                     run.report(dt_a, has_landed.then_some(next))?;
                     next += usize::from(has_landed);
-                    if to_a == kink_a {
+                    if is_last && is_kink {
                         past.clear();
                         wanted_a = wanted_a.min(FIRST_STEP_A);
                     }
@@ -113,9 +128,9 @@ impl Solver {
                     }
                     if wanted_a < SHORTEST_STEP_A {
                         let Some(ending) = self.stopped_by_what(&run.end) else {
-                            return Err(tried.err().unwrap_or(SolveError::UnusableState {
-                                what: format!("at t = {from_a} a no step is short enough"),
-                            }));
+                            return Err(tried
+                                .err()
+                                .unwrap_or(SolveError::NoStepShortEnough { time_a: from_a }));
                         };
                         run.end.ending = ending;
                         run.report(0.0, None)?;

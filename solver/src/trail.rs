@@ -30,12 +30,8 @@ struct Passed {
 
 /// Beside a neighbour's way: a root that takes more iterations is no neighbour's; a last step of 1e-3
 /// leaves about 1e-6, which is little beside what tells a jump.
-const BESIDE: Limits = Limits {
-    iterations: 6,
-    step_tolerance: 1e-3,
-    shortest_share: 1e-5,
-    checks_root: false,
-};
+const BESIDE: Limits =
+    Limits { iterations: 6, step_tolerance: 1e-3, shortest_share: 1e-5, checks_root: false };
 /// Levels at which a neighbour's way is followed; between them lie the others of [`LEVELS`].
 const STEPPING_STONES: [f64; 3] = [LEVELS[0], LEVELS[2], LEVELS[4]];
 /// From level to level a root's cells move by about ε in 1 − μ_s/μ. Where one moves by more than this

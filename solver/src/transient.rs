@@ -108,7 +108,7 @@ pub struct TransientEnd {
     pub divided_steps: usize,
     /// Steps of controlled error that were tried again with a shorter length.
     pub repeated_steps: usize,
-    /// Steps in which the calving law asked for a negative rate and got 0.
+    /// Steps in which the calving law asked for a rate of 0 or less and got 0.
     pub calving_stopped_steps: usize,
 }
 
@@ -184,6 +184,7 @@ impl Solver {
             run.end.time_a = if is_whole { step as f64 * dt_a } else { reached_a };
             run.end.steps = step;
             run.end.ending = if is_whole { self.ending(&run.end) } else { run.end.ending };
+            run.count_stopped_calving();
             run.report(dt_a, is_whole.then_some(step))?;
         }
         Ok(())
@@ -260,8 +261,6 @@ impl Solver {
         run.end.parameters = self.model.parameters;
         run.end.parameters.calving_rate_m_per_a = terminus.calving_rate_m_per_a;
         run.end.parameters.terminus_thickness_m = terminus.thickness_m;
-        let is_stopped = run.plan.calving_law.is_some() && terminus.calving_rate_m_per_a == 0.0;
-        run.end.calving_stopped_steps += usize::from(is_stopped);
     }
 
     /// The model's parameters with what the calving law makes of the state reached.
@@ -309,8 +308,13 @@ impl Solver {
         }
     }
 
-    /// What stands in the way of a mélange whose next step has no solution, however short.
+    /// What stands in the way of a mélange whose next step has no solution, however short. Where it has
+    /// become thinner than its icebergs on the way, H_L = d holds in more than one place, and the end is
+    /// about to jump to the nearest: it breaks up.
     pub(crate) fn stopped_by_what(&self, end: &TransientEnd) -> Option<Ending> {
+        if end.state.thickness_m.iter().any(|h| *h < end.parameters.d_m) {
+            return Some(Ending::Collapsed);
+        }
         if self.narrowest_m(end) < NEARLY_CLOSED * self.model.fjord.width(0.0) {
             Some(Ending::FjordClosed)
         } else {
@@ -327,6 +331,13 @@ impl Solver {
 }
 
 impl Evolution<'_> {
+    /// After an accepted step: whether the calving law left no calving.
+    pub(crate) fn count_stopped_calving(&mut self) {
+        let is_stopped =
+            self.plan.calving_law.is_some() && self.end.parameters.calving_rate_m_per_a == 0.0;
+        self.end.calving_stopped_steps += usize::from(is_stopped);
+    }
+
     /// Shows the state reached to the observer.
     pub(crate) fn report(&mut self, dt_a: f64, landing: Option<usize>) -> Result<(), SolveError> {
         let moment = Moment {

@@ -147,6 +147,7 @@ impl MeltForm {
             Self::Chi { chi, factor } => {
                 let names = ["melt_shape.chi", "melt_shape.factor"];
                 check_points(names[0], chi.len())?;
+                check_factors(factor)?;
                 Linear::new(chi.clone(), factor.clone())
                     .and_then(MeltShape::over_chi)
                     .map_err(|e| table(names, &e))
@@ -154,6 +155,7 @@ impl MeltForm {
             Self::X { x_m, factor, frame, beyond } => {
                 let names = ["melt_shape.x_m", "melt_shape.factor"];
                 check_points(names[0], x_m.len())?;
+                check_factors(factor)?;
                 let frame = match frame {
                     Frame::Terminus => melt::Frame::Terminus,
                     Frame::Bedrock => melt::Frame::Bedrock,
@@ -174,6 +176,19 @@ impl MeltForm {
                 (format!("x {} {}", frame.name(), beyond.name()), [x_m, factor])
             }
         }
+    }
+}
+
+/// Most that a factor of the melt rate may be.
+const LARGEST_FACTOR: f64 = 1e3;
+
+fn check_factors(factors: &[f64]) -> Result<(), Refusal> {
+    match factors.iter().position(|f| *f > LARGEST_FACTOR) {
+        Some(i) => {
+            let permitted = format!("a finite number from 0 to {LARGEST_FACTOR}");
+            Err(Refusal::number(format!("melt_shape.factor[{i}]"), factors[i], permitted))
+        }
+        None => Ok(()),
     }
 }
 

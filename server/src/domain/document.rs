@@ -160,6 +160,8 @@ pub struct Axis {
 impl Document {
     /// Reads JSON if the first character is `{`, else TOML.
     pub fn parse(text: &str) -> Result<Self, Refusal> {
+        // Some editors begin a file with a mark of its byte order.
+        let text = text.trim_start_matches('\u{feff}');
         if text.trim_start().starts_with('{') {
             let sentence = |e: serde_json::Error| Refusal::sentence(e.to_string());
             // Read twice: the first time for the value at the place of an error in the second.

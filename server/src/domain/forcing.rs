@@ -62,8 +62,28 @@ pub enum CourseForm {
     },
 }
 
+/// Shortest period, a: controlled steps land on every kink.
+const SHORTEST_PERIOD_A: f64 = 1e-3;
+/// Most times of a table, for the same reason.
+const MAX_TIMES: usize = 20_000;
+
 impl CourseForm {
     fn course(&self, field: &str) -> Result<Course, Refusal> {
+        match self {
+            Self::Sinusoid { period_a, .. } | Self::Pulse { period_a, .. }
+                if *period_a > 0.0 && *period_a < SHORTEST_PERIOD_A =>
+            {
+                let field = format!("{field}.{}.period_a", self.parts().0);
+                let permitted = format!("a finite number from {SHORTEST_PERIOD_A} a");
+                return Err(Refusal::number(field, *period_a, permitted));
+            }
+            Self::Table { time_a, .. } if time_a.len() > MAX_TIMES => {
+                let field = format!("{field}.table.time_a");
+                let permitted = format!("at most {MAX_TIMES} times");
+                return Err(Refusal::value(field, time_a.len(), permitted));
+            }
+            _ => {}
+        }
         Ok(match self.clone() {
             Self::Sinusoid { mean, amplitude, period_a, phase_a } => {
                 Course::Sinusoid { mean, amplitude, period_a, phase_a }

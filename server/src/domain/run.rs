@@ -138,12 +138,14 @@ impl Document {
     /// Refuses what another regime is for.
     fn check_regime(&self, regime: Regime) -> Result<(), Refusal> {
         let is_transient = regime == Regime::Transient;
-        let size = self.length_m.or(self.thickness_0_m).or(self.volume_m3);
+        let is_at_rest = regime == Regime::QuasiStatic;
         for (field, is_given, is_meant, whose) in [
             ("forcing", !self.forcing.is_empty(), is_transient, "transient"),
             ("calving_law", self.calving_law.is_some(), is_transient, "transient"),
             ("options.lagged", self.options.lagged == Some(true), is_transient, "transient"),
-            ("length_m", size.is_some(), regime == Regime::QuasiStatic, "quasi_static"),
+            ("length_m", self.length_m.is_some(), is_at_rest, "quasi_static"),
+            ("thickness_0_m", self.thickness_0_m.is_some(), is_at_rest, "quasi_static"),
+            ("volume_m3", self.volume_m3.is_some(), is_at_rest, "quasi_static"),
             (
                 "options.grid_error",
                 self.options.grid_error == Some(true),
@@ -216,11 +218,12 @@ impl Document {
                 Ok(Some(Given::Thickness0(thickness)))
             }
             (None, None, Some(m3)) => {
-                Ok(Some(Given::Volume(number("volume_m3", m3, 1.0, 1e15, "m3")?)))
+                Ok(Some(Given::Volume(number("volume_m3", m3, 1e3, 1e15, "m3")?)))
             }
             (None, None, None) if regime != Regime::QuasiStatic => Ok(None),
             (None, None, None) => Err(Refusal::missing("length_m", ONE_SIZE)),
-            _ => Err(Refusal::out_of_place("length_m", ONE_SIZE)),
+            (Some(_), Some(_), _) => Err(Refusal::out_of_place("thickness_0_m", ONE_SIZE)),
+            _ => Err(Refusal::out_of_place("volume_m3", ONE_SIZE)),
         }
     }
 
@@ -433,6 +436,10 @@ impl RunSpec {
                 let permitted = "short enough that the fjord is open at its end";
                 Err(Refusal::number("length_m", m, permitted))
             }
+            Given::Length(m) => self
+                .model
+                .check_reach(0.0, m)
+                .map_err(|e| Refusal::number("length_m", m, e.to_string())),
             _ => Ok(()),
         }
     }

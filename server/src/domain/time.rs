@@ -127,7 +127,7 @@ impl Time {
         between("time.duration_a", end_a, 1e-6, MAX_DURATION_A, " a")?;
         let mut rows_a = Vec::new();
         if let Some(every_a) = self.output_every_a {
-            between("time.output_every_a", every_a, end_a / MAX_STEPS, end_a, " a")?;
+            between("time.output_every_a", every_a, end_a / MAX_STEPS, MAX_DURATION_A, " a")?;
             let count = (end_a / every_a * (1.0 + SAME)).floor() as usize;
             rows_a.extend((0..=count).map(|k| k as f64 * every_a));
         }

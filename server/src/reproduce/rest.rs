@@ -99,9 +99,9 @@ fn drift() -> Result<Table, Broken> {
         Ok([
             *n_cells,
             rest.length_m(),
-            late.length_m(),
+            rounded(late.length_m(), 10.0),
             rest.volume_m3() / steady.volume_m3() - 1.0,
-            late.volume_m3() / rest.volume_m3() - 1.0,
+            rounded(late.volume_m3() / rest.volume_m3() - 1.0, DRIFT_DIGIT),
         ]
         .map(Cell::from)
         .to_vec())
@@ -121,6 +121,13 @@ fn drift() -> Result<Table, Broken> {
                   mélange at rest falls, in decades, into a pattern of every other cell, after which ice seeps in at its end.",
         ..Table::data("rest_drift", &columns, rows)
     })
+}
+
+/// What grows from rounding is told to this digit, and a length to 10 m.
+const DRIFT_DIGIT: f64 = 1e-3;
+
+fn rounded(value: f64, digit: f64) -> f64 {
+    (value / digit).round() * digit
 }
 
 /// The limit itself, at the volume that is left.

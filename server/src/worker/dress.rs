@@ -7,6 +7,7 @@ use crate::domain::outcome::{
 };
 use crate::domain::run::RunSpec;
 use crate::domain::status::Status;
+use melange_solver::Model;
 use melange_solver::diagnose::{
     Budget, Caveat, cfl_time_step_a, inertial_number, strain_rates_per_a,
 };
@@ -36,7 +37,7 @@ pub struct Ended {
     pub root_evidence: Option<&'static str>,
     /// Time reached and what was recorded, of a transient.
     pub transient: Option<(f64, Record)>,
-    /// What three grids say, if asked; none within if one of them has no steady state.
+    /// What three grids say, if asked; none within if one of them has no steady state or no answer.
     pub grid_error: Option<Option<GridError>>,
 }
 
@@ -58,11 +59,15 @@ impl Ended {
     }
 }
 
-/// The outcome of a run.
+/// The outcome of a run; its numbers are those of the parameters in force at the end.
 pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
+    let model = match ended.parameters {
+        Some(parameters) => run.model.with_parameters(parameters),
+        None => run.model.clone(),
+    };
     let told = ended.grid_error.as_ref().map(|told| told.as_ref().map(grid_error_detail));
     let mut scalars =
-        ended.state.as_ref().map_or_else(Scalars::default, |state| scalars(run, &ended, state));
+        ended.state.as_ref().map_or_else(Scalars::default, |s| scalars(run, &model, &ended, s));
     if let Some(Some(detail)) = &told {
         let error = |name| detail.quantities.iter().find(|q| q.name == name).map(|q| q.error);
         scalars.grid_error_length_m = error("length_m");
@@ -71,8 +76,7 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
     }
     scalars.end_time_a = ended.transient.as_ref().map(|(time_a, _)| *time_a);
     let x_m = ended.terminus_x_m;
-    let mut caveats =
-        ended.state.as_ref().map_or_else(Vec::new, |s| Caveat::of(&run.model, s, x_m));
+    let mut caveats = ended.state.as_ref().map_or_else(Vec::new, |s| Caveat::of(&model, s, x_m));
     let squeezed = |r: &Record| Caveat::compressed(run.parameters(), r.strain_rate_min_per_a);
     if ended.transient.as_ref().is_some_and(|(_, record)| squeezed(record))
         && !caveats.contains(&Caveat::Compression)
@@ -81,7 +85,7 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
     }
     let names: Vec<&str> = caveats.into_iter().map(Caveat::name).collect();
     let transects = ended.state.iter().flat_map(|s| {
-        run.shared.transects_at_chi.iter().map(|chi| transect_profile(run, s, x_m, *chi))
+        run.shared.transects_at_chi.iter().map(|chi| transect_profile(&model, s, x_m, *chi))
     });
     let transects = transects.collect();
     let (series, states) = match ended.transient {
@@ -107,10 +111,9 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
     }
 }
 
-fn scalars(run: &RunSpec, ended: &Ended, s: &State) -> Scalars {
-    let (model, x_m) = (&run.model, ended.terminus_x_m);
-    let parameters = ended.parameters.as_ref().unwrap_or(run.parameters());
-    let budget = Budget::of(model, parameters, s, x_m);
+fn scalars(run: &RunSpec, model: &Model, ended: &Ended, s: &State) -> Scalars {
+    let x_m = ended.terminus_x_m;
+    let budget = Budget::of(model, s, x_m);
     let record = ended.transient.as_ref().map(|(_, record)| record);
     let (smallest, _) = strain_rates_per_a(s);
     Scalars {
@@ -136,8 +139,8 @@ fn scalars(run: &RunSpec, ended: &Ended, s: &State) -> Scalars {
     }
 }
 
-fn transect_profile(run: &RunSpec, s: &State, terminus_x_m: f64, chi: f64) -> TransectProfile {
-    let t = transect(&run.model, s, terminus_x_m, chi);
+fn transect_profile(model: &Model, s: &State, terminus_x_m: f64, chi: f64) -> TransectProfile {
+    let t = transect(model, s, terminus_x_m, chi);
     TransectProfile {
         chi: t.chi,
         x_m: t.x_m,
@@ -171,7 +174,7 @@ fn grid_error_detail(told: &GridError) -> GridErrorDetail {
 /// One phrase on whether the errors are estimates or spreads.
 fn grid_convergence(detail: Option<&GridErrorDetail>) -> String {
     let Some(detail) = detail else {
-        return "unknown: a finer grid has no steady state".into();
+        return "unknown: another grid has no steady state, or none was found".into();
     };
     let spread: Vec<&str> =
         (detail.quantities.iter()).filter(|q| q.extrapolated.is_none()).map(|q| q.name).collect();

@@ -93,10 +93,8 @@ impl Walker {
         ended.terminus_x_m = prepared.terminus_x_m;
         if run.shared.grid_error {
             let own = ended.state.as_ref().expect("a solution has a state");
-            match grid_error(&run.model, own) {
-                Ok(told) => ended.grid_error = Some(told),
-                Err(e) => return Some(failure(&e)),
-            }
+            // A grid without an answer takes nothing from the run's own.
+            ended.grid_error = Some(grid_error(&run.model, own).unwrap_or(None));
         }
         Some(ended)
     }
@@ -141,9 +139,12 @@ impl Walker {
             None
         };
         let steady_force_n_per_m = steady.as_ref().map(|s| force::force_n_per_m(&s.state));
+        // A start that is no steady state is that of the parameters in force at t = 0.
+        let in_force = run.shared.forcing.at(run.parameters(), 0.0);
+        let at_the_start = run.model.with_parameters(in_force);
         let (thickness_m, length_m, terminus_x_m) = match (&run.shared.start, steady) {
             (Some(Start::Wedge(w)), _) => {
-                (diagnostic::wedge(&run.model, w.thickness_0_m), w.length_m, 0.0)
+                (diagnostic::wedge(&at_the_start, w.thickness_0_m), w.length_m, 0.0)
             }
             (Some(Start::Run(id)), _) => {
                 let unreadable = |e| failed(format!("the start's run {id} could not be read: {e}"));
@@ -160,7 +161,10 @@ impl Walker {
             (_, None) => return Err(failed("the run has neither regime nor start".into())),
         };
         let geometry = Geometry { thickness_m: &thickness_m, length_m, terminus_x_m };
-        let solution = self.solver().diagnostic_in(geometry).map_err(gave_up)?;
+        self.solver().retarget(at_the_start);
+        let solution = self.solver().diagnostic_in(geometry);
+        self.solver().retarget(run.model.clone());
+        let solution = solution.map_err(gave_up)?;
         Ok(Prepared { solution, terminus_x_m, steady_force_n_per_m })
     }
 
@@ -280,7 +284,7 @@ fn remarks(end: &TransientEnd) -> String {
     }
     if end.calving_stopped_steps > 0 {
         let n = end.calving_stopped_steps;
-        remarks += &format!("; in {n} steps the calving law asked for less than 0 and got 0");
+        remarks += &format!("; in {n} steps the calving law asked for 0 or less and got 0");
     }
     remarks
 }

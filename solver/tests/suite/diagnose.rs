@@ -48,7 +48,7 @@ fn the_budget_counts_shapes_and_tables() {
             MeltShape::over_x(factors, Frame::Bedrock, Beyond::Refused).expect("factors"),
         );
     let s = steady(&m).state;
-    let budget = Budget::of(&m, m.parameters(), &s, 0.0);
+    let budget = Budget::of(&m, &s, 0.0);
     assert!(budget.steady_defect().abs() < 1e-3, "{budget:?}");
     assert!(budget.melt_m3_per_a > 0.2 * budget.inflow_m3_per_a);
     assert_close("inflow", budget.inflow_m3_per_a, 6_000.0 * 600.0 * 4_000.0, 1e-12);

@@ -161,10 +161,12 @@ fn calving_stops_and_does_not_turn_round() {
         per_advance_per_a: 0.0,
         thickness_per_advance: 0.0,
     };
-    let plan = Plan { calving_law: Some(law), ..Plan::fixed(0.01, 5) };
-    let (end, kept) = run(&m, &start, &plan);
-    assert_eq!(end.calving_stopped_steps, 5);
-    assert!(kept.iter().skip(1).all(|k| k.parameters.calving_rate_m_per_a == 0.0));
+    for plan in [Plan::fixed(0.01, 5), Plan::controlled(1e-3, vec![0.05])] {
+        let plan = Plan { calving_law: Some(law), ..plan };
+        let (end, kept) = run(&m, &start, &plan);
+        assert_eq!(end.calving_stopped_steps, kept.len() - 1);
+        assert!(kept.iter().skip(1).all(|k| k.parameters.calving_rate_m_per_a == 0.0));
+    }
 }
 
 #[test]

@@ -164,7 +164,8 @@ fn bad_input_is_refused_with_field_value_and_range() {
             "0 or more",
         ),
         (r#"{"regime":"quasi_static"}"#, "length_m", "exactly one"),
-        (r#"{"regime":"quasi_static","length_m":1e4,"volume_m3":1e9}"#, "length_m", "exactly one"),
+        (r#"{"regime":"quasi_static","length_m":1e4,"volume_m3":1e9}"#, "volume_m3", "exactly one"),
+        (r#"{"regime":"steady","volume_m3":1e9}"#, "volume_m3", "quasi_static"),
         (r#"{"regime":"quasi_static","thickness_0_m":20}"#, "thickness_0_m", "d_m = 25"),
         (
             r#"{"regime":"quasi_static","length_m":1e4,"parameters":{"melt_rate_m_per_day":0.6}}"#,

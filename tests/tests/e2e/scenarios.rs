@@ -134,6 +134,84 @@ fn any_parameter_varies_in_time() {
     }
 }
 
+/// A parameter that is forced to stay at a value is that value, from the first row to the last number.
+#[test]
+fn a_constant_forcing_is_the_parameter() {
+    let start = json!({"length_m": 10_000, "thickness_0_m": 100});
+    let time = json!({"duration_a": 0.05, "fixed_dt_a": 0.01});
+    for (name, base, forced) in [
+        ("mu_s", 0.25, 0.3),
+        ("b", 3e4, 1e4),
+        ("A", 1.5, 0.5),
+        ("d_m", 30.0, 25.0),
+        ("melt_rate_m_per_day", 0.2, 0.6),
+        ("calving_rate_m_per_a", 5_000.0, 6_000.0),
+        ("terminus_velocity_m_per_a", 5_000.0, 6_000.0),
+        ("terminus_thickness_m", 700.0, 600.0),
+        ("strain_rate_regularisation_per_a", 2.0, 1.0),
+        ("water_drag_n_per_m", 5e3, 0.0),
+    ] {
+        let solved = |parameters: Value, forcing: Value| {
+            solved(
+                &json!({"regime": "transient", "start": start, "time": time, "forcing": forcing,
+                    "parameters": parameters, "options": {"transects_at_chi": [0.5]}}),
+                "completed",
+            )
+        };
+        let plain = solved(json!({name: forced, "n_cells": 20}), json!({}));
+        let table = json!({name: {"table": {"time_a": [0, 1], "value": [forced, forced]}}});
+        let constant = solved(json!({name: base, "n_cells": 20}), table);
+        for (key, value) in plain.as_object().expect("members") {
+            if !["parameters", "iterations", "residual_norm"].contains(&key.as_str()) {
+                assert_eq!(&constant[key], value, "{name} forced to {forced}: {key}");
+            }
+        }
+    }
+}
+
+/// A kink of the forcing and a requested time that differ by rounding are one time: 14 · 0.1 is not 1.4.
+#[test]
+fn kinks_beside_requested_times_are_no_trouble() {
+    for (course, every_a) in [
+        (json!({"pulse": {"base": 0.5, "peak": 0.8, "period_a": 1, "width_a": 0.4}}), 0.1),
+        (json!({"pulse": {"base": 0.0, "peak": 1.5, "period_a": 1, "width_a": 0.4}}), 0.1),
+        (json!({"pulse": {"base": 0.5, "peak": 0.8, "period_a": 1, "width_a": 0.7}}), 0.05),
+        (json!({"ramp": {"from": 0.6, "to": 0.5, "start_a": 0.7, "end_a": 1.0}}), 0.1),
+    ] {
+        let result = solved(
+            &json!({"regime": "transient", "parameters": {"n_cells": 20},
+                "forcing": {"melt_rate_m_per_day": course},
+                "time": {"duration_a": 3, "output_every_a": every_a, "profiles_at_a": [1e-9, 1.4]}}),
+            "completed",
+        );
+        let rows = result["series"]["time_a"].as_array().map(Vec::len);
+        assert_eq!(rows, Some((3.0_f64 / every_a).round() as usize + 1), "{course}");
+        assert_eq!(result["states"].as_array().map(Vec::len), Some(2));
+    }
+}
+
+/// Packs so long and thin that they stick to the walls all over, and one that breaks up on the way.
+#[test]
+fn jammed_and_breaking_mélanges_have_their_verdicts() {
+    for (width, length) in [(2_000, 12_000), (4_000, 20_000)] {
+        let start = json!({"length_m": length, "thickness_0_m": 50});
+        solved(
+            &json!({"regime": "diagnostic", "parameters": {"width_m": width}, "start": start}),
+            "converged",
+        );
+    }
+    for time in [json!({"duration_a": 2}), json!({"duration_a": 2, "fixed_dt_a": 0.001})] {
+        solved(
+            &json!({"regime": "transient", "time": time,
+                "parameters": {"melt_rate_m_per_day": 0.24, "mu_s": 0.35},
+                "fjord": {"x_m": [-3e4, 0, 3e3, 8e3, 2e4, 1e5],
+                    "width_m": [11_000, 10_000, 9_000, 11_000, 12_000, 14_000]},
+                "start": {"length_m": 8_000, "thickness_0_m": 50}}),
+            "collapsed",
+        );
+    }
+}
+
 #[test]
 fn a_result_says_how_good_it_is() {
     let result = solved(
