@@ -21,6 +21,10 @@ pub const COLLAPSE_THICKNESS_RATIO: f64 = 1.02;
 pub const COLLAPSE_SHORT_THICKNESS_RATIO: f64 = 1.5;
 /// … is shorter than this one: a dozen icebergs in a row are no continuum.
 pub const COLLAPSE_LENGTH_RATIO: f64 = 12.0;
+/// A mélange that is thinner than this multiple of d between its ends is none: it ends where H = d first,
+/// not at L. (Solutions that go through such a trough and rise to H_L = d are well below: of 1,600 drawn
+/// at random with the paper's melt shapes none lay between 0.8 and 1.)
+pub const TROUGH_RATIO: f64 = 0.9;
 /// A mélange that cannot be solved any further is overthick above this share of H_t: where the
 /// glacier retreats, the velocity relative to the walls vanishes as H₀ reaches H_t.
 pub const NEARLY_OVERTHICK: f64 = 0.95;
@@ -305,6 +309,11 @@ impl Solver {
             ))
         })
     }
+}
+
+/// Whether a state is thinner than its icebergs between its ends.
+pub fn has_trough(model: &Model, s: &State) -> bool {
+    s.thickness_m.iter().any(|h| *h < TROUGH_RATIO * model.parameters().d_m)
 }
 
 /// Whether a state counts as collapsed.

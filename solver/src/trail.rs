@@ -6,7 +6,7 @@ use crate::newton::{Limits, Linear, Root};
 use crate::physics::continuity::MassBalance;
 use crate::smoothing::{DIVISIONS, LEVELS, STAGE};
 use crate::state::State;
-use crate::steady::{FIRST_STEP_A, March, SteadyVerdict, collapsed};
+use crate::steady::{FIRST_STEP_A, March, SteadyVerdict, collapsed, has_trough};
 use crate::{Solver, Task};
 
 /// The way to a steady state: its roots at the levels of smoothing that were passed.
@@ -171,6 +171,12 @@ impl Solver {
             return Ok(SteadyVerdict::Overthick(format!(
                 "the steady state would be {h0:.1} m thick at the terminus, which is \
                  {terminus_thickness_m} m thick"
+            )));
+        }
+        if has_trough(&self.model, &solution.state) {
+            return Ok(SteadyVerdict::NoSteadyState(format!(
+                "the only steady solution found, {length_m:.0} m long, is thinner than its icebergs between \
+                 its ends, where a mélange breaks up"
             )));
         }
         if collapsed(&self.model, &solution.state) {

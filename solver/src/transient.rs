@@ -12,7 +12,7 @@ use crate::physics::continuity::{Before, MassBalance};
 use crate::physics::terminus::{Advance, CalvingLaw};
 use crate::smoothing::LEVELS;
 use crate::state::State;
-use crate::steady::{NEARLY_CLOSED, NEARLY_OVERTHICK, collapsed};
+use crate::steady::{NEARLY_CLOSED, NEARLY_OVERTHICK, collapsed, has_trough};
 use crate::{Solver, Task};
 
 /// What a transient is asked for.
@@ -77,7 +77,7 @@ impl Plan {
 pub enum Ending {
     /// At its last step.
     Completed,
-    /// The mélange ran away to the size of its icebergs.
+    /// The mélange ran away to the size of its icebergs, or became thinner than them between its ends.
     Collapsed,
     /// H₀ reached the thickness of the glacier.
     Overthick,
@@ -301,7 +301,7 @@ impl Solver {
             Ending::FjordClosed
         } else if h0 >= end.parameters.terminus_thickness_m {
             Ending::Overthick
-        } else if collapsed(&self.model, &end.state) {
+        } else if collapsed(&self.model, &end.state) || has_trough(&self.model, &end.state) {
             Ending::Collapsed
         } else {
             Ending::Completed

@@ -269,7 +269,9 @@ fn verdict(verdict: SteadyVerdict) -> Ended {
 fn ending(end: &TransientEnd) -> (Status, &'static str) {
     match end.ending {
         Ending::Completed => (Status::Completed, "reached its end"),
-        Ending::Collapsed => (Status::Collapsed, "collapsed to the size of its icebergs"),
+        Ending::Collapsed => {
+            (Status::Collapsed, "collapsed to the size of its icebergs, or broke up,")
+        }
         Ending::Overthick => (Status::Overthick, "grew as thick as the glacier"),
         Ending::FjordClosed => (Status::FjordClosed, "reached the place where the walls meet"),
     }

@@ -3,6 +3,9 @@
 use crate::model;
 use melange_solver::diagnostic::wedge;
 use melange_solver::error::SolveError;
+use melange_solver::fjord::Fjord;
+use melange_solver::interpolate::{Beyond, Monotone};
+use melange_solver::melt::MeltShape;
 use melange_solver::params::Parameters;
 use melange_solver::physics::closure::UpstreamClosure;
 use melange_solver::steady::SteadyVerdict;
@@ -126,6 +129,20 @@ fn an_observer_stops_a_transient() {
     };
     let error = solver.transient(start, &plan, &mut stop).expect_err("stopped");
     assert!(matches!(error, SolveError::Stopped { time_a } if (time_a - 0.3).abs() < 1e-12));
+}
+
+/// Melt near the terminus cuts the mélange in two; the solution that dips below d and rises again is none.
+#[test]
+fn a_trough_thinner_than_its_icebergs_is_no_steady_state() {
+    let widths = Monotone::new(vec![0.0, 5e3, 4e4], vec![4_000.0, 4_600.0, 6_000.0]);
+    let fjord = Fjord::table(widths.expect("a table"), Beyond::Refused).expect("widths");
+    for n_cells in [50, 100, 200] {
+        let m = model(|p| (p.n_cells, p.melt_rate_m_per_day) = (n_cells, 0.7));
+        let shape = MeltShape::named("linear").expect("a name");
+        let verdict = verdict(m.in_fjord(fjord.clone()).with_melt_shape(shape));
+        let SteadyVerdict::NoSteadyState(evidence) = &verdict else { panic!("{verdict:?}") };
+        assert!(evidence.contains("breaks up") || evidence.contains("collapses"), "{evidence}");
+    }
 }
 
 /// Base case but for one value each: g_loc without bound when rounded in μ, and friction that vanishes.
