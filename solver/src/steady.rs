@@ -1,8 +1,8 @@
 //! Steady states, by the one rule that picks among the discrete roots. Knows no equation.
 //!
 //! The discrete problem has several roots; the right one is the limit of the smoothed problem (see the
-//! module `smoothing`). Its first level is reached by pseudo-transient steps whose length grows until Newton's method on the
-//! steady equations takes over, so that the start does not matter.
+//! modules `smoothing` and `trail`). Its first level is reached by pseudo-transient steps whose length
+//! grows until Newton's method on the steady equations takes over, so that the start does not matter.
 
 use crate::diagnostic::{self, Geometry};
 use crate::error::SolveError;
@@ -42,7 +42,7 @@ pub enum SteadyVerdict {
         /// The roots at the levels of smoothing.
         trail: Trail,
     },
-    /// There is none: the mélange runs away to the size of its icebergs.
+    /// There is none: the mélange runs away to the size of its icebergs, or breaks up between its ends.
     NoSteadyState(String),
     /// The mélange would be at least as thick as the glacier.
     Overthick(String),

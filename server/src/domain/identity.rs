@@ -11,7 +11,7 @@ use melange_solver::transient::Stepping;
 
 /// Version of the model's numbers. Raised when a run's result changes by more than the tolerance it is
 /// solved to, so that old results are not taken for new ones.
-pub const MODEL_VERSION: &str = "melange-model 1";
+pub const MODEL_VERSION: &str = "melange-model 2";
 
 /// Hex digits of a run's id: 128 bits of the blake3 hash.
 pub const ID_DIGITS: usize = 32;

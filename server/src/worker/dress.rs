@@ -37,8 +37,8 @@ pub struct Ended {
     pub root_evidence: Option<&'static str>,
     /// Time reached and what was recorded, of a transient.
     pub transient: Option<(f64, Record)>,
-    /// What three grids say, if asked; none within if one of them has no steady state or no answer.
-    pub grid_error: Option<Option<GridError>>,
+    /// What three grids say, if asked, or why they say nothing.
+    pub grid_error: Option<Result<GridError, String>>,
 }
 
 impl Ended {
@@ -68,7 +68,7 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
     let told = ended.grid_error.as_ref().map(|told| told.as_ref().map(grid_error_detail));
     let mut scalars =
         ended.state.as_ref().map_or_else(Scalars::default, |s| scalars(run, &model, &ended, s));
-    if let Some(Some(detail)) = &told {
+    if let Some(Ok(detail)) = &told {
         let error = |name| detail.quantities.iter().find(|q| q.name == name).map(|q| q.error);
         scalars.grid_error_length_m = error("length_m");
         scalars.grid_error_thickness_0_m = error("thickness_0_m");
@@ -77,7 +77,7 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
     scalars.end_time_a = ended.transient.as_ref().map(|(time_a, _)| *time_a);
     let x_m = ended.terminus_x_m;
     let mut caveats = ended.state.as_ref().map_or_else(Vec::new, |s| Caveat::of(&model, s, x_m));
-    let squeezed = |r: &Record| Caveat::compressed(run.parameters(), r.strain_rate_min_per_a);
+    let squeezed = |r: &Record| Caveat::compressed(model.parameters(), r.strain_rate_min_per_a);
     if ended.transient.as_ref().is_some_and(|(_, record)| squeezed(record))
         && !caveats.contains(&Caveat::Compression)
     {
@@ -102,8 +102,8 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
         iterations: ended.iterations as u64,
         root_evidence: ended.root_evidence.map(str::to_owned),
         validity: (!names.is_empty()).then(|| names.join(", ")),
-        grid_convergence: told.as_ref().map(|detail| grid_convergence(detail.as_ref())),
-        grid_error: told.flatten(),
+        grid_convergence: told.as_ref().map(grid_convergence),
+        grid_error: told.and_then(Result::ok),
         profile: ended.state.as_ref().map(profile),
         series,
         states,
@@ -172,9 +172,10 @@ fn grid_error_detail(told: &GridError) -> GridErrorDetail {
 }
 
 /// One phrase on whether the errors are estimates or spreads.
-fn grid_convergence(detail: Option<&GridErrorDetail>) -> String {
-    let Some(detail) = detail else {
-        return "unknown: another grid has no steady state, or none was found".into();
+fn grid_convergence(told: &Result<GridErrorDetail, &String>) -> String {
+    let detail = match told {
+        Ok(detail) => detail,
+        Err(reason) => return format!("unknown: {reason}"),
     };
     let spread: Vec<&str> =
         (detail.quantities.iter()).filter(|q| q.extrapolated.is_none()).map(|q| q.name).collect();

@@ -94,7 +94,9 @@ impl Walker {
         if run.shared.grid_error {
             let own = ended.state.as_ref().expect("a solution has a state");
             // A grid without an answer takes nothing from the run's own.
-            ended.grid_error = Some(grid_error(&run.model, own).unwrap_or(None));
+            let told = grid_error(&run.model, own).map_err(|e| format!("another grid: {e}"));
+            let none = || "another grid has no steady state".to_owned();
+            ended.grid_error = Some(told.and_then(|told| told.ok_or_else(none)));
         }
         Some(ended)
     }
