@@ -4,7 +4,9 @@
 mod analysis;
 mod archive;
 mod cli;
+mod client;
 mod domain;
+mod faults;
 mod http;
 mod queue;
 mod reproduce;

@@ -95,7 +95,25 @@ impl Solver {
         Ok(self.solution(root))
     }
 
-    /// The same at the given levels of smoothing only, the last of which the state belongs to.
+    /// The same, sought first from the velocity, fluidity and friction of a state of another geometry.
+    pub fn diagnostic_near(
+        &mut self,
+        geometry: Geometry<'_>,
+        near: &State,
+    ) -> Result<Solution, SolveError> {
+        let stage = "solving for velocity, fluidity and friction from those of another geometry";
+        self.iterations = 0;
+        self.model.check_reach(geometry.terminus_x_m, geometry.length_m)?;
+        let thickness_m = geometry.thickness_m.to_vec();
+        let start = State { thickness_m, length_m: geometry.length_m, ..near.clone() };
+        start.check(self.model.parameters.n_cells)?;
+        start.pack(&mut self.newton.x);
+        self.solve_or_relax(geometry.task().smoothed(LEVELS[0]), stage)?;
+        let root = self.follow(geometry.task(), LEVELS[0])?;
+        Ok(self.solution(root))
+    }
+
+    /// At the given levels of smoothing only, the last of which the state belongs to.
     pub(crate) fn smoothed_diagnostic(
         &mut self,
         geometry: Geometry<'_>,

@@ -54,6 +54,17 @@ pub enum SolveError {
         /// Model time reached, in years.
         time_a: f64,
     },
+    /// A march towards a steady state led to a mélange that breaks up, and no further.
+    #[error(
+        "the mélange that marches towards a steady state breaks up after {time_a:.3} a: {length_m:.0} m long, it \
+         is thinner than its icebergs between its ends"
+    )]
+    BreaksUp {
+        /// Time of the march, in years.
+        time_a: f64,
+        /// Its length then, m.
+        length_m: f64,
+    },
     /// The closure at the terminus does not single out a steady state.
     #[error("closure `{closure}` leaves a family of steady states; it serves transients only")]
     ClosureLeavesFamily {

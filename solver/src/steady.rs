@@ -70,6 +70,9 @@ pub(crate) const FIRST_STEP_A: f64 = 0.02;
 const LONGEST_STEP_A: f64 = 10.0;
 /// Shorter steps than this mean that the march is stuck, a.
 const SHORTEST_STEP_A: f64 = 1e-9;
+/// The same for a mélange that is thinner than its icebergs between its ends: H_L = d then holds in more
+/// than one place, and its end is about to jump to the nearest, a.
+const BREAKING_A: f64 = 1e-6;
 /// Growth of the step after a success.
 const GROWTH: f64 = 2.0;
 /// Most steps of a march.
@@ -113,6 +116,17 @@ impl Solver {
         }
     }
 
+    /// The steady state beside a neighbour's and nowhere else, for steps of a continuation, which had better
+    /// be shortened than begun afresh; none if the neighbour is not near enough. What is found is what
+    /// [`Solver::steady`] finds.
+    pub fn steady_along(&mut self, near: &Trail) -> Result<Option<SteadyVerdict>, SolveError> {
+        if let Some(verdict) = self.steady_by_construction()? {
+            return Ok(Some(verdict));
+        }
+        let is_fitting = near.n_cells() == self.model.parameters.n_cells;
+        Ok(if is_fitting { self.steady_beside(near) } else { None })
+    }
+
     /// The steady state, sought first from a geometry: H (\[N\] m) and L (m). It does not change the
     /// answer.
     pub fn steady_from(
@@ -150,6 +164,7 @@ impl Solver {
     fn steady_cold(&mut self) -> Result<SteadyVerdict, SolveError> {
         let mut failure = None;
         let mut collapses = 0;
+        let mut broken = Vec::new();
         for share in STARTS {
             match self.steady_from_wedge(share) {
                 // Collapse is believed when it happens from a thicker start too: an unstable state
@@ -161,8 +176,20 @@ impl Solver {
                     }
                 }
                 Ok(verdict) => return Ok(verdict),
-                Err(error) => failure = failure.or(Some(error)),
+                Err(error) => {
+                    if let SolveError::BreaksUp { .. } = error {
+                        broken.push(error.to_string());
+                    }
+                    failure = failure.or(Some(error));
+                }
             }
+        }
+        // Where no start leads to a steady state, a march that breaks up counts like one that collapses.
+        if let Some(evidence) = broken.pop()
+            && collapses + broken.len() >= 1
+        {
+            let verdict = SteadyVerdict::NoSteadyState(evidence);
+            return Ok(self.steady_from_below().unwrap_or(verdict));
         }
         Err(failure.expect("a start that neither ends nor fails twice does not exist"))
     }
@@ -253,7 +280,9 @@ impl Solver {
                     dt_a = 0.25 * dt_a.min(LONGEST_STEP_A);
                     careful |= dt_a < first_dt_a;
                     failure = Some(error);
-                    if dt_a < SHORTEST_STEP_A {
+                    let shortest_a =
+                        if is_broken(&self.model, &state) { BREAKING_A } else { SHORTEST_STEP_A };
+                    if dt_a < shortest_a {
                         break;
                     }
                 }
@@ -261,6 +290,9 @@ impl Solver {
         }
         if let Some(verdict) = self.stopped_by(&state) {
             return Ok(March::Ended(Box::new(verdict)));
+        }
+        if is_broken(&self.model, &state) {
+            return Err(SolveError::BreaksUp { time_a, length_m: state.length_m });
         }
         Err(failure.unwrap_or(SolveError::NotConverged {
             stage,
@@ -314,6 +346,12 @@ impl Solver {
 /// Whether a state is thinner than its icebergs between its ends.
 pub fn has_trough(model: &Model, s: &State) -> bool {
     s.thickness_m.iter().any(|h| *h < TROUGH_RATIO * model.parameters().d_m)
+}
+
+/// Whether a state that cannot go on is about to break up: between its ends it is thinner than its
+/// icebergs, and H_L = d holds in more than one place.
+pub(crate) fn is_broken(model: &Model, s: &State) -> bool {
+    s.thickness_m.iter().any(|h| *h < model.parameters().d_m)
 }
 
 /// Whether a state counts as collapsed.

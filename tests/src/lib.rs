@@ -1,6 +1,7 @@
 //! Drives the real binary: starts it in a temporary directory, speaks HTTP with it, kills it.
 
 use serde_json::Value;
+use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -75,8 +76,17 @@ pub struct Server {
 impl Server {
     /// Starts `melange serve` (or another command that serves) on a data directory.
     pub fn start(command: &str, data: &Path, more: &[&str]) -> Self {
-        let mut child = Command::new(binary())
-            .arg(command)
+        Self::spawn(Command::new(binary()).arg(command), data, more)
+    }
+
+    /// Starts `melange serve` with its log in a file.
+    pub fn start_logged(data: &Path, log: &Path) -> Self {
+        let log = File::create(log).expect("a log");
+        Self::spawn(Command::new(binary()).arg("serve").stderr(log), data, &[])
+    }
+
+    fn spawn(command: &mut Command, data: &Path, more: &[&str]) -> Self {
+        let mut child = command
             .args(["--listen", "127.0.0.1:0", "--data"])
             .arg(data)
             .args(more)
@@ -102,6 +112,33 @@ impl Server {
     pub fn post(&self, path: &str, body: &str) -> Answer {
         let agent = agent();
         answer(agent.post(format!("{}{path}", self.address)).send(body).expect("an answer"))
+    }
+
+    /// Sends a body to a path with headers.
+    pub fn post_with(&self, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
+        let mut request = agent().post(format!("{}{path}", self.address));
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        answer(request.send(body).expect("an answer"))
+    }
+
+    /// Asks for a path with headers.
+    pub fn get_with(&self, path: &str, headers: &[(&str, &str)]) -> Answer {
+        let mut request = agent().get(format!("{}{path}", self.address));
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        answer(request.call().expect("an answer"))
+    }
+
+    /// Asks a verb of a sweep, which must be allowed; returns the sweep.
+    pub fn ask(&self, id: &str, verb: &str) -> Value {
+        let answer = self.post(&format!("/api/v1/sweeps/{id}/{verb}"), "");
+        assert_eq!(answer.status, 200, "{verb}: {}", String::from_utf8_lossy(&answer.body));
+        let sweep = answer.json();
+        assert_counts_add_up(&sweep);
+        sweep
     }
 
     /// Asks to delete a path.
@@ -165,6 +202,57 @@ pub fn assert_counts_add_up(sweep: &Value) {
     let parts: i64 =
         counts.iter().filter(|(name, _)| *name != "total").filter_map(|(_, n)| n.as_i64()).sum();
     assert_eq!(Some(parts), counts["total"].as_i64(), "{sweep}");
+}
+
+/// A small disk of its own (tmpfs), which goes with the test.
+#[derive(Debug)]
+pub struct Disk {
+    folder: TempDir,
+}
+
+impl Disk {
+    /// Mounts a disk of so many MiB.
+    pub fn mount(mib: u32) -> Self {
+        let folder = folder();
+        let disk = Self { folder };
+        let size = format!("size={mib}m");
+        disk.call("mount", &["-t", "tmpfs", "-o", &size, "tmpfs"]);
+        disk
+    }
+
+    /// Where it is mounted.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Mounts it anew with other options, such as `ro`.
+    pub fn remount(&self, options: &str) {
+        self.call("mount", &["-o", &format!("remount,{options}")]);
+    }
+
+    /// Writes a file until nothing more fits.
+    pub fn fill(&self, name: &str) {
+        let mut file = File::create(self.path().join(name)).expect("a file");
+        for bytes in [1 << 16, 1] {
+            while file.write_all(&vec![0; bytes]).is_ok() {}
+        }
+    }
+
+    fn call(&self, command: &str, arguments: &[&str]) {
+        let done = Command::new(command).args(arguments).arg(self.path()).status();
+        assert!(
+            done.is_ok_and(|status| status.success()),
+            "this test needs a small disk: run it as root, in a container with `--cap-add SYS_ADMIN`, so \
+             that `{command} {}` is permitted",
+            arguments.join(" ")
+        );
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        Command::new("umount").arg("-l").arg(self.folder.path()).status().ok();
+    }
 }
 
 /// A folder that goes with the test.

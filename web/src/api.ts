@@ -15,6 +15,7 @@ export interface Counts {
 }
 
 export interface Axis {
+  zip?: Axis[];
   parameter?: string;
   option?: string;
   linspace?: [number, number, number];
@@ -27,12 +28,27 @@ export interface Spec {
   regime: string;
   parameters?: Record<string, number>;
   axes?: Axis[];
+  sample?: { ranges: Record<string, [number, number] | { log: [number, number] }> };
+  table?: { columns: string[] };
+}
+
+export type SweepState = "queued" | "running" | "paused" | "stopping" | "complete" | "cancelled";
+
+/** Whether nothing of a sweep changes any more by itself. */
+export const isOver = (state: SweepState): boolean => state === "complete" || state === "cancelled";
+
+/** The parameters that a sweep varies, as it was written. */
+export function varied(spec: Spec): string[] {
+  const ofAxis = (axis: Axis): string[] =>
+    axis.zip ? axis.zip.flatMap(ofAxis) : axis.parameter === undefined ? [] : [axis.parameter];
+  const axes = (spec.axes ?? []).flatMap(ofAxis);
+  return [...axes, ...Object.keys(spec.sample?.ranges ?? {}), ...(spec.table?.columns ?? [])];
 }
 
 export interface Sweep {
   id: string;
   name: string;
-  state: "queued" | "running" | "complete";
+  state: SweepState;
   counts: Counts;
   created_at: string;
   spec: Spec;
@@ -151,7 +167,7 @@ export async function runs(id: string, most: number): Promise<{ items: Run[]; to
   const items: Run[] = [];
   let cursor: string | null = null;
   for (;;) {
-    const query: string = cursor === null ? "" : `&cursor=${cursor}`;
+    const query: string = cursor === null ? "" : `&cursor=${encodeURIComponent(cursor)}`;
     const page: Page<Run> = await call<Page<Run>>(`sweeps/${id}/runs?limit=1000${query}`);
     items.push(...page.items);
     if (page.next === null || items.length >= most) return { items, total: page.total };

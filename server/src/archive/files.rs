@@ -1,8 +1,10 @@
-//! Files on disk: write to a temporary name, fsync, rename, fsync the folder; and what a start clears
-//! away. Knows no table.
+//! Files on disk: write to a temporary name, fsync, rename, fsync the folder; check what is read; clear
+//! away what nobody lists. Knows no table.
 
+use super::catalogue::Listed;
 use super::schema::{Kind, SCHEMA_VERSION};
 use super::{ArchiveError, SolvedRun};
+use crate::faults::{Faults, Step};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
@@ -10,6 +12,7 @@ use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{LazyLock, Mutex};
 
 /// A file that stands under its final name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,72 +37,215 @@ const TEMPORARY: &str = "tmp";
 const COMPLETE: &str = "parquet";
 
 /// Properties of every Parquet file written.
-pub fn properties() -> WriterProperties {
-    WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build()
+pub fn properties(kind: Kind) -> WriterProperties {
+    let properties =
+        WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default()));
+    // Numbers on a grid hardly ever repeat; parameters do.
+    properties.set_dictionary_enabled(kind == Kind::Runs).build()
 }
 
-/// Writes a chunk's tables; those without rows are left out, but for the runs. `token` keeps two
-/// holders of the same chunk from writing to one name.
+/// Path of a table's file below the archive's folder.
+pub fn path_of(sweep_id: &str, stem: &str, token: &str, kind: Kind) -> String {
+    format!("{sweep_id}/{stem}-{token}-{}.{COMPLETE}", kind.name())
+}
+
+/// A table's file before it is written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Encoded {
+    kind: Kind,
+    bytes: Vec<u8>,
+    blake3: String,
+    rows: i64,
+}
+
+/// The tables of a chunk's runs as Parquet; those without rows are left out. No runs have no tables.
+pub fn encode(runs: &[SolvedRun]) -> Result<Vec<Encoded>, ArchiveError> {
+    let mut tables = Vec::with_capacity(Kind::ALL.len());
+    for kind in Kind::ALL {
+        let batch = kind.batch(runs);
+        if batch.num_rows() == 0 {
+            continue;
+        }
+        let damaged = |source| ArchiveError::Parquet { path: kind.name().to_owned(), source };
+        let mut writer = ArrowWriter::try_new(Vec::new(), kind.schema(), Some(properties(kind)))
+            .map_err(damaged)?;
+        writer.write(&batch).map_err(damaged)?;
+        let bytes = writer.into_inner().map_err(damaged)?;
+        let blake3 = blake3::hash(&bytes).to_hex().to_string();
+        tables.push(Encoded { kind, bytes, blake3, rows: batch.num_rows() as i64 });
+    }
+    Ok(tables)
+}
+
+/// Writes a chunk's tables. `token` keeps two holders of the same chunk from writing to one name.
 pub fn write_chunk(
     archive: &Path,
     sweep_id: &str,
     chunk: i64,
     token: &str,
-    runs: &[SolvedRun],
+    tables: &[Encoded],
+    faults: &Faults,
 ) -> Result<Vec<Written>, ArchiveError> {
+    faults.pass(Step::BeforeWrite);
     let folder = archive.join(sweep_id);
-    let fault = |path: &Path, doing| {
-        let path = path.display().to_string();
-        move |source| ArchiveError::File { path, doing, source }
-    };
-    fs::create_dir_all(&folder).map_err(fault(&folder, "made"))?;
-    let mut written = Vec::new();
-    for kind in Kind::ALL {
-        let batch = kind.batch(runs);
-        if batch.num_rows() == 0 && kind != Kind::Runs {
-            continue;
-        }
-        let path = format!("{sweep_id}/{chunk:06}-{token}-{}.{COMPLETE}", kind.name());
-        let damaged = |source| ArchiveError::Parquet { path: path.clone(), source };
-        let mut writer =
-            ArrowWriter::try_new(Vec::new(), kind.schema(), Some(properties())).map_err(damaged)?;
-        writer.write(&batch).map_err(damaged)?;
-        let bytes = writer.into_inner().map_err(damaged)?;
-        let target = archive.join(&path);
-        place(&target, &bytes).map_err(fault(&target, "written"))?;
-        written.push(Written {
-            path,
-            kind,
-            blake3: blake3::hash(&bytes).to_hex().to_string(),
-            rows: batch.num_rows() as i64,
-            bytes: bytes.len() as i64,
-            schema_version: SCHEMA_VERSION,
-        });
+    if !folder.is_dir() {
+        fs::create_dir_all(&folder).map_err(|e| fault(&folder, "made", e))?;
+        sync(archive).map_err(|e| fault(archive, "synced", e))?;
     }
-    File::open(&folder).and_then(|f| f.sync_all()).map_err(fault(&folder, "synced"))?;
+    let mut written = Vec::new();
+    let result = tables.iter().try_for_each(|Encoded { kind, bytes, blake3, rows }| {
+        let (kind, rows, blake3) = (*kind, *rows, blake3.clone());
+        let path = path_of(sweep_id, &format!("{chunk:06}"), token, kind);
+        let target = archive.join(&path);
+        place(&target, bytes, faults).map_err(|e| fault(&target, "written", e))?;
+        let bytes = bytes.len() as i64;
+        written.push(Written { path, kind, blake3, rows, bytes, schema_version: SCHEMA_VERSION });
+        Ok(())
+    });
+    let result = result.and_then(|()| sync(&folder).map_err(|e| fault(&folder, "synced", e)));
+    if let Err(error) = result {
+        // What a full disk left half-written would only fill it further.
+        remove(archive, written.iter().map(|w| w.path.as_str()));
+        return Err(error);
+    }
+    faults.pass(Step::AfterRename);
     Ok(written)
 }
 
-fn place(target: &Path, bytes: &[u8]) -> io::Result<()> {
+fn place(target: &Path, bytes: &[u8], faults: &Faults) -> io::Result<()> {
     let temporary = target.with_extension(TEMPORARY);
-    let mut file = File::create(&temporary)?;
-    file.write_all(bytes)?;
-    file.sync_all()?;
-    drop(file);
-    fs::rename(&temporary, target)
+    let result = (|| {
+        let mut file = File::create(&temporary)?;
+        file.write_all(bytes)?;
+        faults.pass(Step::AfterWrite);
+        file.sync_all()?;
+        drop(file);
+        faults.pass(Step::AfterFsync);
+        fs::rename(&temporary, target)
+    })();
+    if result.is_err() {
+        fs::remove_file(&temporary).ok();
+    }
+    result
 }
 
-/// Removes files that could not be stored in the catalogue. What stays behind is an orphan, and the
-/// next start removes it.
-pub fn remove(archive: &Path, written: &[Written]) {
-    for file in written {
-        fs::remove_file(archive.join(&file.path)).ok();
+/// Writes one file by way of a temporary name; what `write` returns is the number of rows.
+pub fn write_file(
+    archive: &Path,
+    path: &str,
+    kind: Kind,
+    write: impl FnOnce(&mut File) -> Result<i64, ArchiveError>,
+) -> Result<Written, ArchiveError> {
+    let target = archive.join(path);
+    let temporary = target.with_extension(TEMPORARY);
+    let result = (|| {
+        let mut file = File::create(&temporary).map_err(|e| fault(&temporary, "written", e))?;
+        let rows = write(&mut file)?;
+        file.sync_all().map_err(|e| fault(&temporary, "synced", e))?;
+        let (blake3, bytes) = hash(&temporary).map_err(|e| fault(&temporary, "read", e))?;
+        fs::rename(&temporary, &target).map_err(|e| fault(&target, "renamed", e))?;
+        let folder = target.parent().unwrap_or(archive);
+        sync(folder).map_err(|e| fault(folder, "synced", e))?;
+        Ok(Written {
+            path: path.to_owned(),
+            kind,
+            blake3,
+            rows,
+            bytes,
+            schema_version: SCHEMA_VERSION,
+        })
+    })();
+    if result.is_err() {
+        fs::remove_file(&temporary).ok();
+    }
+    result
+}
+
+fn sync(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+fn fault(path: &Path, doing: &'static str, source: io::Error) -> ArchiveError {
+    ArchiveError::File { path: path.display().to_string(), doing, source }
+}
+
+/// Hash and length of a file's bytes.
+fn hash(path: &Path) -> io::Result<(String, i64)> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(File::open(path)?)?;
+    Ok((hasher.finalize().to_hex().to_string(), hasher.count() as i64))
+}
+
+/// Files whose bytes this process has compared with their hash.
+static CHECKED: LazyLock<Mutex<HashSet<PathBuf>>> = LazyLock::new(Mutex::default);
+
+/// Opens a listed file, after comparing its bytes with their hash when it is read for the first time.
+pub fn open(archive: &Path, listed: &Listed) -> Result<File, ArchiveError> {
+    let path = archive.join(&listed.path);
+    let is_checked = CHECKED.lock().is_ok_and(|checked| checked.contains(&path));
+    if !is_checked {
+        check(archive, listed)?;
+        if let Ok(mut checked) = CHECKED.lock() {
+            checked.insert(path.clone());
+        }
+    }
+    File::open(&path).map_err(|source| unreadable(listed, source))
+}
+
+/// Compares a listed file with its hash.
+pub fn check(archive: &Path, listed: &Listed) -> Result<(), ArchiveError> {
+    if listed.schema_version > SCHEMA_VERSION {
+        return Err(ArchiveError::Newer {
+            path: listed.path.clone(),
+            version: listed.schema_version,
+        });
+    }
+    let (found, bytes) =
+        hash(&archive.join(&listed.path)).map_err(|source| unreadable(listed, source))?;
+    if (found.as_str(), bytes) == (listed.blake3.as_str(), listed.byte_count) {
+        return Ok(());
+    }
+    let difference = if bytes == listed.byte_count {
+        "its bytes differ from those that were written".to_owned()
+    } else {
+        format!("it has {bytes} bytes and should have {}", listed.byte_count)
+    };
+    Err(ArchiveError::Damaged { path: listed.path.clone(), difference })
+}
+
+fn unreadable(listed: &Listed, source: io::Error) -> ArchiveError {
+    ArchiveError::File { path: listed.path.clone(), doing: "read", source }
+}
+
+/// Removes files that no commit will list.
+pub fn remove<'a>(archive: &Path, paths: impl Iterator<Item = &'a str>) {
+    for path in paths {
+        let path = archive.join(path);
+        match fs::remove_file(&path) {
+            Ok(()) => {}
+            // It stays behind as an orphan, which the next start clears away.
+            Err(e) => tracing::warn!("cannot remove {}: {e}", path.display()),
+        }
     }
 }
 
-/// Removes our files that the catalogue does not list; returns how many there were.
-pub fn remove_orphans(archive: &Path, listed: &HashSet<String>) -> io::Result<usize> {
-    let mut removed = 0;
+/// Removes files that may be gone already.
+pub fn remove_if_there<'a>(archive: &Path, paths: impl Iterator<Item = &'a str>) {
+    remove(archive, paths.filter(|path| archive.join(path).exists()));
+}
+
+/// Removes the folder of a sweep that has no files any more.
+pub fn remove_folder(archive: &Path, sweep_id: &str) {
+    if let Err(e) = fs::remove_dir(archive.join(sweep_id))
+        && e.kind() != io::ErrorKind::NotFound
+    {
+        tracing::warn!("cannot remove the folder of sweep {sweep_id}: {e}");
+    }
+}
+
+/// Files in the archive's folders that the catalogue does not list: temporary ones and complete ones.
+pub fn orphans(archive: &Path, listed: &HashSet<String>) -> io::Result<Vec<String>> {
+    let mut orphans = Vec::new();
     for sweep in fs::read_dir(archive)? {
         let sweep = sweep?;
         if !sweep.file_type()?.is_dir() {
@@ -113,25 +259,27 @@ pub fn remove_orphans(archive: &Path, listed: &HashSet<String>) -> io::Result<us
                 sweep.file_name().to_string_lossy(),
                 path.file_name().unwrap_or_default().to_string_lossy()
             );
-            let orphan = ending == TEMPORARY || (ending == COMPLETE && !listed.contains(&name));
-            if orphan {
-                fs::remove_file(&path)?;
-                removed += 1;
+            if ending == TEMPORARY || (ending == COMPLETE && !listed.contains(&name)) {
+                orphans.push(name);
             }
         }
     }
-    Ok(removed)
+    orphans.sort();
+    Ok(orphans)
 }
 
 /// Listed files that are missing or have another size, each with a sentence.
-pub fn faults(archive: &Path, listed: &[(String, i64)]) -> Vec<String> {
+pub fn faults(archive: &Path, listed: &[Listed]) -> Vec<String> {
     listed
         .iter()
-        .filter_map(|(path, bytes)| match fs::metadata(archive.join(path)) {
-            Err(e) => Some(format!("{path} cannot be read: {e}")),
-            Ok(found) if found.len() as i64 != *bytes => {
-                Some(format!("{path} has {} bytes and should have {bytes}", found.len()))
-            }
+        .filter_map(|file| match fs::metadata(archive.join(&file.path)) {
+            Err(e) => Some(format!("{} cannot be read: {e}", file.path)),
+            Ok(found) if found.len() as i64 != file.byte_count => Some(format!(
+                "{} has {} bytes and should have {}",
+                file.path,
+                found.len(),
+                file.byte_count
+            )),
             Ok(_) => None,
         })
         .collect()

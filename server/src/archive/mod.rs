@@ -1,12 +1,18 @@
 //! What is kept: Parquet files of runs, profiles and series, and their catalogue. Knows no queue and no
 //! transport. A file counts once the catalogue lists it; readers never look into folders.
 
+pub mod backup;
 pub mod bulk;
 pub mod catalogue;
+pub mod compact;
 pub mod files;
 pub mod read;
+pub mod reuse;
 pub mod schema;
+pub mod splice;
 pub mod start;
+pub mod upload;
+pub mod verify;
 
 use crate::domain::outcome::Outcome;
 
@@ -45,6 +51,26 @@ pub enum ArchiveError {
         /// Why.
         source: parquet::errors::ParquetError,
     },
+    /// A file's bytes are not those that were written.
+    #[error(
+        "the archive's file {path} is damaged: {difference}; `melange verify --repair` solves its runs again"
+    )]
+    Damaged {
+        /// Which.
+        path: String,
+        /// How it differs.
+        difference: String,
+    },
+    /// A file was written by a later version.
+    #[error(
+        "the archive's file {path} has schema version {version}, which this version of melange does not know: use a newer one"
+    )]
+    Newer {
+        /// Which.
+        path: String,
+        /// Its version.
+        version: i64,
+    },
     /// A reader broke off.
     #[error("reading the archive broke off: {0}")]
     Broken(#[from] tokio::task::JoinError),
@@ -64,4 +90,31 @@ pub enum ArchiveError {
         /// The column.
         column: &'static str,
     },
+}
+
+impl ArchiveError {
+    /// Whether what a file held is gone; else it may be there, though it cannot be read now.
+    pub fn is_loss(&self) -> bool {
+        match self {
+            Self::Damaged { .. } | Self::Parquet { .. } => true,
+            Self::File { source, .. } => source.kind() == std::io::ErrorKind::NotFound,
+            _ => false,
+        }
+    }
+
+    /// What Parquet says of a file that is read or written; trouble of the disk is that, and not damage.
+    pub fn of_parquet(
+        path: String,
+        doing: &'static str,
+        source: parquet::errors::ParquetError,
+    ) -> Self {
+        use parquet::errors::ParquetError;
+        match source {
+            ParquetError::External(inner) => match inner.downcast::<std::io::Error>() {
+                Ok(source) => Self::File { path, doing, source: *source },
+                Err(inner) => Self::Parquet { path, source: ParquetError::External(inner) },
+            },
+            source => Self::Parquet { path, source },
+        }
+    }
 }

@@ -1,8 +1,8 @@
 //! One run back from its files. Knows the tables, not their SQL.
 
-use super::ArchiveError;
-use super::catalogue::{self, Entry};
+use super::catalogue::{self, Entry, Place};
 use super::schema::Kind;
+use super::{ArchiveError, files};
 use crate::domain::outcome::{
     EffectiveParameters, Outcome, PROFILE, Profile, SERIES, Series, StoredState,
 };
@@ -11,38 +11,56 @@ use crate::store::Store;
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use arrow_array::{Array, BooleanArray, Float64Array, RecordBatch, StringArray};
-use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
-use std::fs::File;
+use parquet::arrow::arrow_reader::{
+    ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder, RowSelection, RowSelector,
+};
 use std::path::Path;
 
-/// Opens a file of the archive.
-pub fn open(archive: &Path, path: &str) -> Result<ParquetRecordBatchReader, ArchiveError> {
-    let file = File::open(archive.join(path)).map_err(|source| ArchiveError::File {
-        path: path.to_owned(),
-        doing: "read",
-        source,
-    })?;
-    ParquetRecordBatchReaderBuilder::try_new(file)
-        .and_then(|builder| builder.build())
-        .map_err(|source| ArchiveError::Parquet { path: path.to_owned(), source })
+/// Opens a stretch of a file's rows.
+pub fn rows(archive: &Path, place: &Place) -> Result<ParquetRecordBatchReader, ArchiveError> {
+    let file = files::open(archive, &place.file)?;
+    let damaged = |source| ArchiveError::Parquet { path: place.file.path.clone(), source };
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(damaged)?;
+    let (first, end) = (place.first_row, place.first_row + place.row_count);
+    // Only the groups of rows that the stretch touches are opened.
+    let (mut groups, mut skipped, mut row) = (Vec::new(), 0, 0);
+    for (i, group) in builder.metadata().row_groups().iter().enumerate() {
+        let next = row + group.num_rows();
+        if row < end && next > first {
+            if groups.is_empty() {
+                skipped = (first - row) as usize;
+            }
+            groups.push(i);
+        }
+        row = next;
+    }
+    let selection = vec![RowSelector::skip(skipped), RowSelector::select(place.row_count as usize)];
+    builder
+        .with_row_groups(groups)
+        .with_row_selection(RowSelection::from(selection))
+        .build()
+        .map_err(damaged)
 }
 
 /// A run by id with its whole result, read off the async threads.
 pub async fn stored(store: &Store, run_id: &str) -> Result<Option<Outcome>, ArchiveError> {
+    let in_use = store.files_in_use().await;
     let entry = catalogue::run(&mut *store.read().await?, run_id).await?;
     let Some(entry) = entry else { return Ok(None) };
     let archive = store.archive();
-    tokio::task::spawn_blocking(move || outcome(&archive, &entry)).await?.map(Some)
+    tokio::task::spawn_blocking(move || {
+        let _in_use = in_use;
+        outcome(&archive, &entry)
+    })
+    .await?
+    .map(Some)
 }
 
 /// The whole result of a run.
 pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
     let run_id = entry.row.text("run_id");
-    let file = |kind: Kind| {
-        entry.files.iter().find(|(k, _)| k == kind.name()).map(|(_, path)| path.as_str())
-    };
-    let mut rows = match file(Kind::Profiles) {
-        Some(path) => profiles(archive, path, run_id)?,
+    let mut rows = match entry.place(Kind::Profiles) {
+        Some(place) => profiles(archive, place, run_id)?,
         None => Vec::new(),
     };
     let is_transient = entry.scalars.end_time_a.is_some();
@@ -53,8 +71,8 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
             .filter_map(|(time_a, _, profile)| Some(StoredState { time_a: time_a?, profile }))
             .collect()
     });
-    let series = match file(Kind::Series).filter(|_| is_transient) {
-        Some(path) => Some(series(archive, path, run_id)?),
+    let series = match entry.place(Kind::Series).filter(|_| is_transient) {
+        Some(place) => Some(series(archive, place, run_id)?),
         None => None,
     };
     let text = |name: &str| entry.row.text(name).to_owned();
@@ -67,7 +85,9 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
         regime: text("regime"),
         upstream_closure: text("upstream_closure"),
         scalars: entry.scalars,
-        iterations: entry.row.0.get("iterations").and_then(|v| v.as_u64()).unwrap_or_default(),
+        iterations: entry.row.whole("iterations").unwrap_or_default(),
+        attempts: entry.row.whole("attempts").unwrap_or(1),
+        residual_history: entry.residual_history.clone(),
         root_evidence: Some(text("root_evidence")).filter(|t| !t.is_empty()),
         validity: Some(text("validity")).filter(|t| !t.is_empty()),
         grid_convergence: Some(text("grid_convergence")).filter(|t| !t.is_empty()),
@@ -81,9 +101,10 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
 
 type StateRow = (Option<f64>, bool, Profile);
 
-fn profiles(archive: &Path, path: &str, run_id: &str) -> Result<Vec<StateRow>, ArchiveError> {
+fn profiles(archive: &Path, place: &Place, run_id: &str) -> Result<Vec<StateRow>, ArchiveError> {
+    let path = place.file.path.as_str();
     let mut found = Vec::new();
-    for batch in open(archive, path)? {
+    for batch in rows(archive, place)? {
         let batch = batch.map_err(|e| damaged(path, e))?;
         let ids: &StringArray = column(&batch, path, "run_id")?;
         let times: &Float64Array = column(&batch, path, "time_a")?;
@@ -102,9 +123,10 @@ fn profiles(archive: &Path, path: &str, run_id: &str) -> Result<Vec<StateRow>, A
     Ok(found)
 }
 
-fn series(archive: &Path, path: &str, run_id: &str) -> Result<Series, ArchiveError> {
+fn series(archive: &Path, place: &Place, run_id: &str) -> Result<Series, ArchiveError> {
+    let path = place.file.path.as_str();
     let mut found = Series::default();
-    for batch in open(archive, path)? {
+    for batch in rows(archive, place)? {
         let batch = batch.map_err(|e| damaged(path, e))?;
         let ids: &StringArray = column(&batch, path, "run_id")?;
         for info in SERIES {

@@ -1,4 +1,4 @@
-//! The Parquet schema, version 2: columns, units, meanings, and the arrays of solved runs. The tables
+//! The Parquet schema, version 3: columns, units, meanings, and the arrays of solved runs. The tables
 //! of the domain say which columns there are.
 
 use super::SolvedRun;
@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the schema, in the footer of each file and in the catalogue.
-pub const SCHEMA_VERSION: i64 = 2;
+pub const SCHEMA_VERSION: i64 = 3;
 
 /// The tables of the archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,6 +37,11 @@ impl Kind {
             Kind::Profiles => "profiles",
             Kind::Series => "series",
         }
+    }
+
+    /// The table of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
     /// The table's schema.
@@ -114,6 +119,10 @@ fn run_fields() -> Vec<Field> {
     ] {
         fields.push(field(name, DataType::Utf8, true, "1", meaning));
     }
+    let meaning = "attempts made, the last of which gave the answer if there is one; null in files before version 3";
+    fields.push(field("attempts", DataType::Int64, true, "1", meaning));
+    let meaning = "nondimensional residual norms of a failed run's last solve, oldest first; null if there are none";
+    fields.push(field("residual_history", list_of_numbers(), true, "1", meaning));
     fields
 }
 
@@ -155,6 +164,14 @@ fn run_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
     columns.push(text(|r| r.outcome.root_evidence.as_deref()));
     columns.push(text(|r| r.outcome.validity.as_deref()));
     columns.push(text(|r| r.outcome.grid_convergence.as_deref()));
+    columns.push(whole(&|r| r.outcome.attempts as i64));
+    let mut histories = ListBuilder::new(Float64Builder::new());
+    for run in runs {
+        let history = run.outcome.residual_history.as_deref();
+        histories.values().append_slice(history.unwrap_or_default());
+        histories.append(history.is_some());
+    }
+    columns.push(Arc::new(histories.finish()));
     columns
 }
 
@@ -248,4 +265,69 @@ fn series_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
     let mut columns: Vec<ArrayRef> = vec![Arc::new(ids.finish())];
     columns.extend(arrays.iter_mut().map(|a| Arc::new(a.finish()) as ArrayRef));
     columns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::outcome::{EffectiveParameters, Outcome, Scalars};
+    use crate::domain::status::Status;
+    use arrow_array::cast::AsArray;
+    use arrow_array::types::{Float64Type, Int64Type};
+    use arrow_array::{Array, RecordBatch};
+
+    fn run(run_index: usize, attempts: u64, residual_history: Option<Vec<f64>>) -> SolvedRun {
+        let outcome = Outcome {
+            status: Status::Failed,
+            detail: String::new(),
+            parameters: EffectiveParameters(Default::default()),
+            regime: "steady".into(),
+            upstream_closure: "published".into(),
+            scalars: Scalars::default(),
+            iterations: 0,
+            attempts,
+            residual_history,
+            root_evidence: None,
+            validity: None,
+            grid_convergence: None,
+            grid_error: None,
+            profile: None,
+            series: None,
+            states: None,
+            transects: Vec::new(),
+        };
+        SolvedRun { run_index, run_id: format!("{run_index}"), outcome }
+    }
+
+    #[test]
+    fn attempts_and_residual_histories_are_columns_of_the_runs() {
+        let runs = [run(0, 1, None), run(1, 3, Some(vec![2.0, 1.0]))];
+        let batch = Kind::Runs.batch(&runs);
+        let column = |name: &str| batch.column_by_name(name).expect("a column").clone();
+        let attempts = column("attempts");
+        assert_eq!(attempts.as_primitive::<Int64Type>().values().to_vec(), [1, 3]);
+        let histories = column("residual_history");
+        assert!(histories.is_null(0));
+        let told = histories.as_list::<i32>().value(1);
+        assert_eq!(told.as_primitive::<Float64Type>().values().to_vec(), [2.0, 1.0]);
+        for field in batch.schema().fields() {
+            let metadata = field.metadata();
+            assert!(metadata.contains_key("unit") && metadata.contains_key("meaning"), "{field}");
+        }
+    }
+
+    #[test]
+    fn files_of_version_2_are_read_with_nulls() {
+        let young = ["attempts", "residual_history"];
+        let batch = Kind::Runs.batch(&[run(0, 1, None)]);
+        let old: Vec<usize> = (0..batch.num_columns())
+            .filter(|i| !young.contains(&batch.schema().field(*i).name().as_str()))
+            .collect();
+        let old: RecordBatch = batch.project(&old).expect("columns");
+        let read = Kind::Runs.conform(&old).expect("it conforms");
+        assert_eq!(read.schema(), Kind::Runs.schema());
+        for name in young {
+            assert!(read.column_by_name(name).expect("a column").is_null(0), "{name}");
+        }
+    }
 }

@@ -1,11 +1,14 @@
 //! The command line: the composition root. It wires the rooms together and decides nothing.
 
+pub mod care;
 pub mod reproduce;
 pub mod run;
 pub mod serve;
 pub mod soak;
 pub mod sweep;
+pub mod verbs;
 
+use crate::domain::status::Verb;
 use clap::{Parser, Subcommand};
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -29,9 +32,27 @@ enum Command {
     Serve(serve::Arguments),
     /// Serve, and queue the paper's melt sweep when the archive is empty.
     Demo(serve::Arguments),
+    /// List the sweeps of a data directory.
+    Sweeps(verbs::ListArguments),
+    /// Start no more chunks of a sweep until it is resumed.
+    Pause(verbs::Arguments),
+    /// Go on with a sweep after a pause, a stop or a cancellation.
+    Resume(verbs::Arguments),
+    /// Finish what is under way of a sweep and cancel the rest.
+    Stop(verbs::Arguments),
+    /// Cancel what has no result yet of a sweep, also what is under way.
+    Cancel(verbs::Arguments),
+    /// Queue the failed runs of a sweep again.
+    Retry(verbs::Arguments),
+    /// Delete a sweep; runs that another one uses stay.
+    Delete(verbs::Arguments),
+    /// Compare a data directory's catalogue with its files, byte by byte.
+    Verify(care::VerifyArguments),
+    /// Copy a data directory, also while it is in use.
+    Backup(care::BackupArguments),
     /// Run the paper's experiments and print its claims beside what comes out.
     Reproduce(reproduce::Arguments),
-    /// Draw parameters at random and tell what the solver does not manage.
+    /// Strain solver and service and tell what does not hold; measure what the service costs.
     Soak(soak::Arguments),
 }
 
@@ -49,7 +70,16 @@ pub async fn main() -> anyhow::Result<ExitCode> {
         Command::Sweep(arguments) => sweep::main(&arguments).await,
         Command::Serve(arguments) => serve::main(&arguments, false).await,
         Command::Demo(arguments) => serve::main(&arguments, true).await,
+        Command::Sweeps(arguments) => verbs::list(&arguments).await,
+        Command::Pause(arguments) => verbs::main(&arguments, Some(Verb::Pause)).await,
+        Command::Resume(arguments) => verbs::main(&arguments, Some(Verb::Resume)).await,
+        Command::Stop(arguments) => verbs::main(&arguments, Some(Verb::Stop)).await,
+        Command::Cancel(arguments) => verbs::main(&arguments, Some(Verb::Cancel)).await,
+        Command::Retry(arguments) => verbs::main(&arguments, Some(Verb::Retry)).await,
+        Command::Delete(arguments) => verbs::main(&arguments, None).await,
+        Command::Verify(arguments) => care::verify_main(&arguments).await,
+        Command::Backup(arguments) => care::backup_main(&arguments).await,
         Command::Reproduce(arguments) => reproduce::main(&arguments).await,
-        Command::Soak(arguments) => soak::main(&arguments).await,
+        Command::Soak(arguments) => soak::main(arguments).await,
     }
 }

@@ -1,8 +1,10 @@
 //! `melange serve` and `melange demo`: the service on an address of this machine.
 
 use crate::domain::document::Document;
+use crate::domain::sweep::{Limits, MOST_RUNS};
+use crate::faults::{FaultPoint, Faults};
 use crate::http::{self, Service};
-use crate::queue;
+use crate::queue::{self, Submission};
 use crate::store::Store;
 use crate::worker::Workers;
 use anyhow::{Context, bail};
@@ -26,6 +28,20 @@ pub struct Arguments {
     /// Threads that solve; all of the machine's if not given.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub workers: Option<u16>,
+    /// Most runs of a sweep.
+    #[arg(long, default_value_t = Limits::default().max_runs, value_parser = runs)]
+    max_runs: usize,
+    /// Largest submission taken, MiB.
+    #[arg(long, default_value_t = (http::MOST_BYTES >> 20) as u32, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    max_body_mib: u32,
+    /// Where to stop so that a soak can kill the process there.
+    #[arg(long, hide = true)]
+    fault: Option<FaultPoint>,
+}
+
+fn runs(text: &str) -> Result<usize, String> {
+    let runs = text.parse().ok().filter(|n| (1..=MOST_RUNS).contains(n));
+    runs.ok_or_else(|| format!("permitted are from 1 to {MOST_RUNS} runs"))
 }
 
 /// Exit code of a process interrupted twice.
@@ -55,13 +71,20 @@ pub async fn main(arguments: &Arguments, demo: bool) -> anyhow::Result<ExitCode>
     store.announce(&address).context("cannot write the lock file")?;
 
     let wake = Arc::new(Notify::new());
-    let workers = Workers::new(store.clone(), threads(arguments.workers), wake.clone()).await?;
-    let service = Service { store: store.clone(), wake, workers: workers.threads() };
-    if demo && queue::sweeps(&mut *store.read().await?, 1, 0).await?.1 == 0 {
-        let sweep = Arc::new(Document::parse(MELT_SWEEP)?.into_sweep()?);
-        queue::enqueue(&store, &sweep, service.workers).await?;
-    }
+    let faults = arguments.fault.map_or_else(Faults::default, Faults::at);
+    let threads = threads(arguments.workers);
+    let workers = Workers::new(store.clone(), threads, wake.clone(), faults).await?;
+    let limits = Limits { max_runs: arguments.max_runs };
+    let most_bytes = (arguments.max_body_mib as usize) << 20;
     let stop = CancellationToken::new();
+    let (held, stopping) = (store.clone(), stop.clone());
+    let service =
+        Service { store: held, wake, workers: threads, limits, most_bytes, stop: stopping };
+    if demo && queue::health(&mut *store.read().await?).await? == 0 {
+        let sweep = Arc::new(Document::parse(MELT_SWEEP)?.into_sweep(&limits)?);
+        let submission = Submission { workers: threads, ..Submission::default() };
+        queue::enqueue(&store, &sweep, submission).await?;
+    }
     let working = tokio::spawn(workers.work(stop.clone()));
     println!("melange listens on {address}");
     let interrupted = stop.clone();

@@ -1,15 +1,22 @@
-//! `melange sweep`: a whole sweep, solved here into a data directory.
+//! `melange sweep`: a whole sweep, solved here into a data directory, or by the service that holds it.
 
 use super::run::read;
 use super::serve::threads;
-use crate::archive::start;
+use crate::archive::{reuse, start};
+use crate::client::{Client, Refused};
 use crate::domain::document::Document;
 use crate::domain::refusal::Refusal;
-use crate::queue;
-use crate::store::Store;
+use crate::domain::sweep::{Limits, SweepSpec};
+use crate::faults::Faults;
+use crate::http::MOST_BYTES;
+use crate::http::Service;
+use crate::http::submit::{dry_run, with_table};
+use crate::queue::{self, Submission};
+use crate::store::{self, Holder, Store};
 use crate::worker::Workers;
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -22,7 +29,13 @@ use tokio_util::sync::CancellationToken;
 pub struct Arguments {
     /// File with the sweep, JSON if its first character is `{`, else TOML; `-` is standard input.
     spec: String,
-    /// Data directory.
+    /// Table of points, CSV or Parquet, its columns named after parameters.
+    #[arg(long)]
+    table: Option<PathBuf>,
+    /// Only tell what the sweep would come to.
+    #[arg(long)]
+    dry_run: bool,
+    /// Data directory. If a service holds it, the sweep is submitted there.
     #[arg(long, default_value = "melange-data")]
     data: PathBuf,
     /// Threads that solve; all of the machine's if not given.
@@ -37,42 +50,119 @@ const REFUSED: u8 = 2;
 
 /// Queues the sweep and works until every run has ended.
 pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
-    let text = read(&arguments.spec)?;
-    let refused = |refusal: Refusal| {
-        eprintln!("refused: {refusal}");
-        Ok(ExitCode::from(REFUSED))
+    let document = match document(arguments)? {
+        Ok(document) => document,
+        Err(refusal) => return Ok(refused(&refusal.to_string())),
     };
-    let sweep = match Document::parse(&text).and_then(Document::into_sweep) {
+    if let Holder::Service(address) = store::holder_of(&arguments.data) {
+        let client = Client::new(address);
+        let dry_run = arguments.dry_run;
+        return tokio::task::spawn_blocking(move || served(&client, &document, dry_run)).await?;
+    }
+    let sweep = match document.into_sweep(&Limits::MOST) {
         Ok(sweep) => Arc::new(sweep),
-        Err(refusal) => return refused(refusal),
+        Err(refusal) => return Ok(refused(&refusal.to_string())),
     };
     let store = Store::open(&arguments.data).await?;
     if let Err(refusal) = start::check(&store, &sweep).await? {
-        return refused(refusal);
+        return Ok(refused(&refusal.to_string()));
     }
-    let workers =
-        Workers::new(store.clone(), threads(arguments.workers), Arc::new(Notify::new())).await?;
-    let id = queue::enqueue(&store, &sweep, workers.threads()).await?;
+    let found = if sweep.is_forced() { 0 } else { reuse::found(&store, &sweep).await? };
+    let workers = threads(arguments.workers);
+    if arguments.dry_run {
+        let (limits, most_bytes) = (Limits::MOST, MOST_BYTES);
+        let (wake, stop) = (Arc::default(), CancellationToken::new());
+        let service = Service { store, wake, workers, limits, most_bytes, stop };
+        let told =
+            dry_run(&service, &sweep, found).await.map_err(|p| anyhow!("{}", p.sentence()))?;
+        println!("{}", serde_json::to_string(&told)?);
+        return Ok(ExitCode::SUCCESS);
+    }
+    let told = solve(&store, &sweep, workers, found).await?;
+    store.close().await;
+    println!("{told}");
+    Ok(ExitCode::SUCCESS)
+}
+
+fn refused(sentence: &str) -> ExitCode {
+    eprintln!("refused: {sentence}");
+    ExitCode::from(REFUSED)
+}
+
+/// The document with its table.
+fn document(arguments: &Arguments) -> anyhow::Result<Result<Document, Refusal>> {
+    let text = read(&arguments.spec)?;
+    let table = match &arguments.table {
+        None => None,
+        Some(path) => {
+            let bytes = std::fs::read(path);
+            Some(bytes.with_context(|| format!("cannot read the table {}", path.display()))?)
+        }
+    };
+    Ok(Document::parse(&text).and_then(|document| match table {
+        Some(bytes) => with_table(document, bytes.into()),
+        None => Ok(document),
+    }))
+}
+
+/// Solves a sweep here.
+async fn solve(
+    store: &Store,
+    sweep: &Arc<SweepSpec>,
+    threads: usize,
+    found: usize,
+) -> anyhow::Result<Value> {
+    let wake = Arc::new(Notify::new());
+    let workers = Workers::new(store.clone(), threads, wake, Faults::default()).await?;
+    let submission = Submission { workers: threads, found, idempotency: None };
+    let id = queue::enqueue(store, sweep, submission).await?.id;
     let stop = CancellationToken::new();
     let working = tokio::spawn(workers.work(stop.clone()));
-    let bar = ProgressBar::new(sweep.count() as u64).with_style(
-        ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {per_sec}, {eta} left")
-            .context("the bar's template is wrong")?,
-    );
-    let counts = loop {
-        let row = queue::sweep(&mut *store.read().await?, &id)
+    let bar = bar(sweep.count() as u64)?;
+    let row = loop {
+        let row = queue::sweep_in_brief(&mut *store.read().await?, &id)
             .await?
             .context("the sweep is gone from the data directory")?;
         bar.set_position(row.counts.ended() as u64);
         if row.counts.ended() == row.counts.total {
-            break row.counts;
+            break row;
         }
         tokio::time::sleep(LOOK_EVERY).await;
     };
     bar.finish();
     stop.cancel();
     working.await.context("the workers broke off")?;
-    store.close().await;
-    println!("{}", serde_json::json!({ "id": id, "counts": counts }));
+    Ok(json!({ "id": id, "counts": row.counts, "reused": row.reused }))
+}
+
+/// Has a sweep solved by the service that holds the data directory, and watches.
+fn served(client: &Client, document: &Document, dry_run: bool) -> anyhow::Result<ExitCode> {
+    let body = serde_json::to_vec(document)?;
+    let path = if dry_run { "/sweeps?dry_run=true" } else { "/sweeps" };
+    let taken = match client.post(path, &body) {
+        Ok(taken) => taken,
+        Err(error) => match error.downcast::<Refused>() {
+            Ok(Refused(sentence)) => return Ok(refused(&sentence)),
+            Err(error) => return Err(error),
+        },
+    };
+    if dry_run {
+        println!("{taken}");
+        return Ok(ExitCode::SUCCESS);
+    }
+    let id = taken["id"].as_str().context("the service gave no id")?;
+    let bar = bar(taken["count"].as_u64().unwrap_or_default())?;
+    let last = client.follow(id, |progress| {
+        let count = |name: &str| progress["counts"][name].as_u64().unwrap_or_default();
+        bar.set_position(count("total") - count("queued") - count("running"));
+    })?;
+    bar.finish();
+    println!("{}", json!({ "id": id, "counts": last["counts"], "reused": last["reused"] }));
     Ok(ExitCode::SUCCESS)
+}
+
+fn bar(runs: u64) -> anyhow::Result<ProgressBar> {
+    let template = "{bar:40} {pos}/{len} runs, {per_sec}, {eta} left";
+    let style = ProgressStyle::with_template(template).context("the bar's template is wrong")?;
+    Ok(ProgressBar::new(runs).with_style(style))
 }

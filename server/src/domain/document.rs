@@ -1,11 +1,12 @@
-//! A scenario or sweep as it is written, in JSON or TOML: names and types, no meaning yet. An unknown
-//! or doubled name is an error here; what the names mean is checked in `run` and `sweep`.
+//! The members of a scenario or sweep as it is written: names and types, no meaning yet. `reading` reads
+//! them; what they mean is checked in `run` and `sweep`.
 
 use super::along::{FjordTable, MeltForm};
 use super::entries::Entries;
 use super::forcing::{CalvingForm, CourseForm};
-use super::refusal::Refusal;
+use super::sample::SampleForm;
 use super::start::Start;
+use super::table::TableForm;
 use super::time::Time;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -18,6 +19,15 @@ pub struct Document {
     /// Name of the sweep.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
+    /// Words to find the sweep by: up to 20, each of 1 to 50 letters, digits, `_`, `-`, `.` and `:`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tags: Vec<String>,
+    /// Sweeps with a higher one are solved first: a whole number from -100 to 100, 0 if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub priority: Option<i64>,
+    /// Whether the sweep's runs are solved even if they are stored already.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force: Option<bool>,
     /// What is solved for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regime: Option<Regime>,
@@ -53,12 +63,13 @@ pub struct Document {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     pub calving_law: Option<CalvingForm>,
-    /// Not there yet.
+    /// Points drawn from ranges, instead of axes.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub sample: Option<Value>,
-    /// Not there yet.
+    pub sample: Option<SampleForm>,
+    /// Points by rows, instead of axes: `{"columns": [names], "rows": [[cells]]}`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub table: Option<Value>,
+    #[schema(value_type = Option<Object>)]
+    pub table: Option<TableForm>,
     /// L of a quasi-static mélange, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
@@ -131,7 +142,7 @@ impl Options {
     }
 }
 
-/// One axis of a sweep: a parameter or an option, and its points.
+/// One axis of a sweep: a parameter or an option and its points, or several that move together.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
@@ -152,81 +163,45 @@ pub struct Axis {
     /// The points themselves: numbers, or names for an option.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub values: Option<Vec<Value>>,
-    /// Not there yet.
+    /// Axes of the same length that move together, instead of everything above.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub zip: Option<Value>,
+    #[schema(no_recursion)]
+    pub zip: Option<Vec<Axis>>,
 }
 
 impl Document {
-    /// Reads JSON if the first character is `{`, else TOML.
-    pub fn parse(text: &str) -> Result<Self, Refusal> {
-        // Some editors begin a file with a mark of its byte order.
-        let text = text.trim_start_matches('\u{feff}');
-        if text.trim_start().starts_with('{') {
-            let sentence = |e: serde_json::Error| Refusal::sentence(e.to_string());
-            // Read twice: the first time for the value at the place of an error in the second.
-            let written: Value = serde_json::from_str(text).map_err(sentence)?;
-            let mut json = serde_json::Deserializer::from_str(text);
-            let document = serde_path_to_error::deserialize(&mut json)
-                .map_err(|e| located(&written, &e.path().to_string(), &e.inner().to_string()))?;
-            check_forms(&written)?;
-            Ok(document)
-        } else {
-            let sentence = |e: toml::de::Error| Refusal::sentence(e.to_string());
-            let written: Value = toml::from_str(text).map_err(sentence)?;
-            let toml = toml::Deserializer::parse(text).map_err(sentence)?;
-            let document = serde_path_to_error::deserialize(toml)
-                .map_err(|e| located(&written, &e.path().to_string(), e.inner().message()))?;
-            check_forms(&written)?;
-            Ok(document)
-        }
-    }
-}
-
-/// A member that does not fit, with the value found there; what is permitted is what the deserialiser
-/// expected.
-fn located(written: &Value, path: &str, message: &str) -> Refusal {
-    let permitted = message.split_once("expected ").map(|(_, expected)| {
-        expected.split_once(" at line ").map_or(expected, |(form, _)| form).to_owned()
-    });
-    if [".", "?"].contains(&path) {
-        return Refusal { permitted, ..Refusal::sentence(message) };
-    }
-    let pointer = format!("/{}", path.replace(['.', '['], "/").replace(']', ""));
-    let value = written.pointer(&pointer).cloned();
-    let given = value.as_ref().map_or_else(String::new, |v| format!(" = {v}"));
-    let detail = format!("`{path}`{given} is refused: {message}");
-    Refusal { detail, field: Some(path.to_owned()), value, permitted }
-}
-
-/// The deserialiser would also take a list for a structure and a table for a name; documents are not
-/// written so.
-fn check_forms(written: &Value) -> Result<(), Refusal> {
-    let refuse = |field: String, value: &Value, form: &str| {
-        Err(Refusal::value(field, value.clone(), format!("to be written as {form}")))
-    };
-    for member in ["time", "options", "parameters", "forcing", "fjord", "melt_shape", "calving_law"]
-    {
-        if let Some(value) = written.get(member).filter(|v| v.is_array()) {
-            return refuse(member.into(), value, "members by name");
-        }
-    }
-    if let Some(value) = written.get("regime").filter(|v| !v.is_string()) {
-        return refuse("regime".into(), value, "a name");
-    }
-    let courses = written.get("forcing").and_then(Value::as_object);
-    for (name, course) in courses.into_iter().flatten() {
-        for (kind, numbers) in course.as_object().into_iter().flatten() {
-            if !numbers.is_object() {
-                return refuse(format!("forcing.{name}.{kind}"), numbers, "members by name");
+    /// The document with the ends of long lists cut off, as JSON, for lists of sweeps; none if it is short.
+    pub fn summary(&self, json: &str) -> Option<String> {
+        /// Bytes up to which a document is short.
+        const SHORT: usize = 8_192;
+        /// Items that are left of a long list.
+        const ITEMS: usize = 8;
+        fn cut_axes(axes: &mut [Axis]) {
+            for axis in axes {
+                if let Some(values) = &mut axis.values {
+                    values.truncate(ITEMS);
+                }
+                cut_axes(axis.zip.as_deref_mut().unwrap_or_default());
             }
         }
-    }
-    let axes = written.get("axes").and_then(Value::as_array);
-    for (i, axis) in axes.into_iter().flatten().enumerate() {
-        if !axis.is_object() {
-            return refuse(format!("axes[{i}]"), axis, "members by name");
+        fn cut(value: &mut Value) {
+            match value {
+                Value::Array(items) => {
+                    items.truncate(ITEMS);
+                    items.iter_mut().for_each(cut);
+                }
+                Value::Object(members) => members.values_mut().for_each(cut),
+                _ => {}
+            }
         }
+        if json.len() <= SHORT {
+            return None;
+        }
+        // What may be very long first, so that it never becomes a tree of values.
+        let mut head = Self { table: self.table.as_ref().map(|t| t.head(ITEMS)), ..self.clone() };
+        cut_axes(&mut head.axes);
+        let mut value = serde_json::to_value(&head).ok()?;
+        cut(&mut value);
+        Some(value.to_string())
     }
-    Ok(())
 }

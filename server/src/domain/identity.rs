@@ -96,36 +96,35 @@ pub fn digest(document: &Document) -> Option<String> {
             ],
         ),
     }
-    (!key.is_empty).then(|| key.digits())
+    (!key.bytes.is_empty()).then(|| key.digits())
 }
 
-/// A hash under way.
+/// What is to be hashed, gathered first and hashed at once.
 struct Key {
-    hasher: blake3::Hasher,
-    is_empty: bool,
+    bytes: Vec<u8>,
 }
 
 impl Default for Key {
     fn default() -> Self {
-        Self { hasher: blake3::Hasher::new(), is_empty: true }
+        /// Room for the key of any run without lists; longer ones grow.
+        const ROOM: usize = 1024;
+        Self { bytes: Vec::with_capacity(ROOM) }
     }
 }
 
 impl Key {
     fn text(&mut self, tag: &str, text: &str) {
-        self.is_empty = false;
         for part in [tag, text] {
-            self.hasher.update(&(part.len() as u64).to_le_bytes());
-            self.hasher.update(part.as_bytes());
+            self.bytes.extend_from_slice(&(part.len() as u64).to_le_bytes());
+            self.bytes.extend_from_slice(part.as_bytes());
         }
     }
 
     fn number(&mut self, tag: &str, value: f64) {
-        self.is_empty = false;
         let canonical = if value == 0.0 { 0.0_f64 } else { value };
-        self.hasher.update(&(tag.len() as u64).to_le_bytes());
-        self.hasher.update(tag.as_bytes());
-        self.hasher.update(&canonical.to_bits().to_le_bytes());
+        self.bytes.extend_from_slice(&(tag.len() as u64).to_le_bytes());
+        self.bytes.extend_from_slice(tag.as_bytes());
+        self.bytes.extend_from_slice(&canonical.to_bits().to_le_bytes());
     }
 
     fn numbers(&mut self, tag: &str, values: &[f64]) {
@@ -158,6 +157,53 @@ impl Key {
     }
 
     fn digits(&self) -> String {
-        self.hasher.finalize().to_hex()[..ID_DIGITS].to_owned()
+        blake3::hash(&self.bytes).to_hex()[..ID_DIGITS].to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn id(document: &str) -> String {
+        Document::parse(document).and_then(Document::into_run).expect("a run").id()
+    }
+
+    /// Ids are kept for ever: whoever changes one doubles every archive.
+    #[test]
+    fn ids_stay_what_they_are() {
+        for (document, expected) in [
+            (r#"{"regime": "steady"}"#, "feb5d38ccf697ace9703df474f0d340a"),
+            (
+                r#"{"regime": "steady", "parameters": {"b": 12345.678, "water_drag_n_per_m": -0.0},
+                    "options": {"upstream_closure": "no_stretching", "grid_error": true}}"#,
+                "460ac2fdf5beef3e7a962025549828bc",
+            ),
+            (
+                r#"{"regime": "quasi_static", "volume_m3": 1e10}"#,
+                "0d748fcc3a74630f5164026ef89078cb",
+            ),
+            (
+                r#"{"regime": "diagnostic", "start": {"length_m": 10000, "thickness_0_m": 75},
+                    "melt_shape": {"chi": [0, 1], "factor": [2, 1]}}"#,
+                "a01872240b2400f31a7fcbeab8486b7f",
+            ),
+            (
+                r#"{"regime": "transient", "start": {"run": "0123456789abcdef"},
+                    "fjord": {"x_m": [0, 1e5], "width_m": [4000, 4100], "beyond": "constant"},
+                    "forcing": {"mu_s": {"table": {"time_a": [0, 1], "value": [0.3, 0.2]}}},
+                    "calving_law": "steady_feedback", "options": {"lagged": true},
+                    "time": {"duration_a": 1, "fixed_dt_a": 0.01, "output_every_a": 0.1,
+                             "profiles_at_a": [0.5, 1]}}"#,
+                "88ac7173d855be275688c22c640271ab",
+            ),
+            (
+                r#"{"regime": "transient", "melt_shape": "linear",
+                    "time": {"duration_a": 1, "tolerance": 1e-3, "profiles_at_a": [0.3]}}"#,
+                "d352861deb5dca16bf4072b18b904bc7",
+            ),
+        ] {
+            assert_eq!(id(document), expected, "{document}");
+        }
     }
 }

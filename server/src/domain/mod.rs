@@ -2,17 +2,25 @@
 //! database, no files, no clock, nothing asynchronous.
 
 pub mod along;
+pub mod axes;
 pub mod dictionary;
 pub mod document;
+pub mod effective;
 pub mod entries;
+pub mod filter;
 pub mod forcing;
 pub mod identity;
+pub mod order;
 pub mod outcome;
+pub mod reading;
 pub mod refusal;
 pub mod run;
+pub mod sample;
 pub mod start;
 pub mod status;
 pub mod sweep;
+pub mod table;
+pub mod taken_out;
 pub mod time;
 
 /// The solver's table of parameters: names, units, meanings, defaults, ranges.

@@ -25,6 +25,11 @@ pub struct Outcome {
     pub scalars: Scalars,
     /// Newton iterations.
     pub iterations: u64,
+    /// Attempts made: 1 if the first gave the answer, else the last did, and `detail` says how; a failed run
+    /// has none that did.
+    pub attempts: u64,
+    /// Nondimensional residual norms of the last solve of a failed run, oldest first; null if it tells none.
+    pub residual_history: Option<Vec<f64>>,
     /// Which rule picked the root.
     pub root_evidence: Option<String>,
     /// What the state does that the model is not made for: `compression` (of any step of a transient),

@@ -67,16 +67,6 @@ impl Refusal {
         }
     }
 
-    /// A part of the interface that is not there yet.
-    pub fn not_yet(field: &str) -> Self {
-        Self {
-            detail: format!("`{field}` is part of the interface but not there yet; leave it out"),
-            field: Some(field.to_owned()),
-            value: None,
-            permitted: Some("nothing yet".to_owned()),
-        }
-    }
-
     /// A name that is no parameter, with the value given to it.
     pub fn unknown_parameter(path: &str, name: &str, value: f64) -> Self {
         let refusal = Self::number(format!("{path}.{name}"), value, known_parameters());

@@ -2,6 +2,7 @@
 //! of a document share, checked once; a point of a sweep's axes makes a [`RunSpec`] of it.
 
 use super::document::{Document, Regime};
+use super::effective::Effective;
 use super::forcing::{self, CalvingForm};
 use super::identity;
 use super::outcome::SERIES;
@@ -12,7 +13,7 @@ use melange_solver::Model;
 use melange_solver::fjord::Fjord;
 use melange_solver::forcing::Forcing;
 use melange_solver::melt::MeltShape;
-use melange_solver::params::{self, ParameterError, Parameters};
+use melange_solver::params::Parameters;
 use melange_solver::physics::closure::UpstreamClosure;
 use melange_solver::quasi_static::Given;
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use std::sync::Arc;
 /// What the runs of a document have in common, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
-    written: Vec<(String, f64)>,
+    effective: Effective,
     closure: Option<UpstreamClosure>,
     fjord: Option<Fjord>,
     melt_shape: MeltShape,
@@ -68,25 +69,28 @@ const MAX_TRANSECTS: usize = 1_000;
 
 /// `calving_flux_m2_per_a` = U_c H_t sets U_c = U_t = flux/H_t instead of the velocities.
 pub const FLUX: &str = "calving_flux_m2_per_a";
-const VELOCITIES: [&str; 2] = ["calving_rate_m_per_a", "terminus_velocity_m_per_a"];
-const WIDTHS: [&str; 2] = ["width_m", "width_gradient"];
 /// What fixes a quasi-static state.
 const ONE_SIZE: &str =
     "a quasi_static run needs exactly one of length_m, thickness_0_m and volume_m3";
-/// Parameters that are 0 where nothing calves or melts.
-const NOT_AT_REST: [&str; 2] = ["calving_rate_m_per_a", "melt_rate_m_per_day"];
 
 impl Document {
     /// The document as a single run.
     pub fn into_run(self) -> Result<RunSpec, Refusal> {
-        if self.name.is_some() || !self.axes.is_empty() {
-            let field = if self.name.is_some() { "name" } else { "axes" };
-            return Err(Refusal::out_of_place(
-                field,
-                "it belongs to a sweep, and this is a single run",
-            ));
+        for (field, is_given) in [
+            ("name", self.name.is_some()),
+            ("tags", !self.tags.is_empty()),
+            ("priority", self.priority.is_some()),
+            ("force", self.force.is_some()),
+            ("axes", !self.axes.is_empty()),
+            ("sample", self.sample.is_some()),
+            ("table", self.table.is_some()),
+        ] {
+            if is_given {
+                let why = "it belongs to a sweep, and this is a single run";
+                return Err(Refusal::out_of_place(field, why));
+            }
         }
-        self.scenario()?.run(&[], None)
+        self.scenario()?.run(std::iter::empty(), None)
     }
 
     /// What all runs of the document share.
@@ -95,36 +99,30 @@ impl Document {
         let regimes = "steady, diagnostic, transient or quasi_static";
         let regime = self.regime.ok_or_else(|| Refusal::missing("regime", regimes))?;
         let closure = self.options.upstream_closure.as_deref();
-        let scenario = Scenario {
-            written: self.parameters.0.clone(),
-            closure: closure
-                .map(|name| closure_of_name("options.upstream_closure", name))
-                .transpose()?,
-            fjord: self.fjord.as_ref().map(|table| table.fjord()).transpose()?,
-            melt_shape: self.melt_shape.as_ref().map_or(Ok(MeltShape::default()), |m| m.shape())?,
-            shared: Arc::new(Shared {
-                regime,
-                start: self.start_for(regime)?,
-                steps: self.steps_for(regime)?,
-                forcing: forcing::forcing(&self.forcing)?,
-                calving: self.calving_law,
-                is_lagged: self.options.lagged.unwrap_or_default(),
-                given: self.given_for(regime)?,
-                grid_error: self.options.grid_error.unwrap_or_default(),
-                transects_at_chi: self.transects()?,
-                digest: identity::digest(self),
-            }),
-        };
+        let closure =
+            closure.map(|name| closure_of_name("options.upstream_closure", name)).transpose()?;
+        let fjord = self.fjord.as_ref().map(|table| table.fjord()).transpose()?;
+        let melt_shape =
+            self.melt_shape.as_ref().map_or(Ok(MeltShape::default()), |m| m.shape())?;
+        let shared = Arc::new(Shared {
+            regime,
+            start: self.start_for(regime)?,
+            steps: self.steps_for(regime)?,
+            forcing: forcing::forcing(&self.forcing)?,
+            calving: self.calving_law,
+            is_lagged: self.options.lagged.unwrap_or_default(),
+            given: self.given_for(regime)?,
+            grid_error: self.options.grid_error.unwrap_or_default(),
+            transects_at_chi: self.transects()?,
+            digest: identity::digest(self),
+        });
         self.check_regime(regime)?;
-        Ok(scenario)
+        let is_at_rest = regime == Regime::QuasiStatic;
+        let effective = Effective::new(&self.parameters, is_at_rest, fjord.is_some())?;
+        Ok(Scenario { effective, closure, fjord, melt_shape, shared })
     }
 
     fn refuse_what_is_not_there_yet(&self) -> Result<(), Refusal> {
-        for (field, given) in [("sample", self.sample.is_some()), ("table", self.table.is_some())] {
-            if given {
-                return Err(Refusal::not_yet(field));
-            }
-        }
         if let Some(Regime::Branch | Regime::FoldCurve | Regime::Calibration) = self.regime {
             return Err(Refusal::value(
                 "regime",
@@ -165,7 +163,7 @@ impl Document {
         }
         if let Some(law) = &self.calving_law {
             law.check()?;
-            if self.forcing.0.iter().any(|(name, _)| name == VELOCITIES[0]) {
+            if self.forcing.0.iter().any(|(name, _)| name == "calving_rate_m_per_a") {
                 let why = "a calving law sets this rate, so that it has no course of its own";
                 return Err(Refusal::out_of_place("forcing.calving_rate_m_per_a", why));
             }
@@ -254,14 +252,22 @@ impl Scenario {
         &self.shared
     }
 
+    /// The same for runs that set these parameters, each given with its first value.
+    pub fn varied(
+        self,
+        columns: impl Iterator<Item = (&'static str, f64)>,
+    ) -> Result<Self, Refusal> {
+        Ok(Self { effective: self.effective.varied(columns)?, ..self })
+    }
+
     /// The run with parameters and closure of a point put in; checks what depends on them.
     pub fn run(
         &self,
-        point: &[(String, f64)],
+        point: impl Iterator<Item = (&'static str, f64)>,
         closure: Option<UpstreamClosure>,
     ) -> Result<RunSpec, Refusal> {
         let shared = &self.shared;
-        let parameters = self.effective_parameters(point)?;
+        let parameters = self.effective.at(point)?;
         let closure = closure.or(self.closure).unwrap_or_default();
         let refused = |e| Refusal::parameter("parameters", &e);
         let mut model = Model::new(parameters, closure)
@@ -286,72 +292,23 @@ impl Scenario {
         }
         Ok(run)
     }
-
-    /// Defaults, overlaid with what the document and then the point give; no name twice.
-    fn effective_parameters(&self, point: &[(String, f64)]) -> Result<Parameters, Refusal> {
-        let mut parameters = Parameters::default();
-        let is_at_rest = self.shared.regime == Regime::QuasiStatic;
-        if is_at_rest {
-            for name in NOT_AT_REST {
-                parameters.set(name, 0.0).map_err(|e| Refusal::parameter("parameters", &e))?;
-            }
-        }
-        let mut seen: Vec<&str> = Vec::new();
-        let mut flux = None;
-        for (name, value) in self.written.iter().chain(point) {
-            let field = format!("parameters.{name}");
-            if seen.contains(&name.as_str()) {
-                let permitted = "this parameter is given more than once";
-                return Err(Refusal::number(field, *value, permitted));
-            }
-            seen.push(name);
-            if self.fjord.is_some() && WIDTHS.contains(&name.as_str()) {
-                let permitted = "not together with `fjord`, which gives the width";
-                return Err(Refusal::number(field, *value, permitted));
-            }
-            if is_at_rest && *value != 0.0 && (name == FLUX || NOT_AT_REST.contains(&name.as_str()))
-            {
-                let permitted = "0: in the quasi_static regime nothing calves and nothing melts";
-                return Err(Refusal::number(field, *value, permitted));
-            }
-            if name == FLUX {
-                flux = Some(*value);
-            } else {
-                parameters.set(name, *value).map_err(|e| match e {
-                    ParameterError::Unknown { .. } => {
-                        Refusal::unknown_parameter("parameters", name, *value)
-                    }
-                    e => Refusal::parameter("parameters", &e),
-                })?;
-            }
-        }
-        if let Some(flux) = flux.filter(|_| !is_at_rest) {
-            set_velocities(&mut parameters, flux, &seen)?;
-        }
-        Ok(parameters)
-    }
 }
 
-fn set_velocities(parameters: &mut Parameters, flux: f64, seen: &[&str]) -> Result<(), Refusal> {
-    let field = format!("parameters.{FLUX}");
-    if let Some(name) = VELOCITIES.iter().find(|name| seen.contains(name)) {
-        let permitted = format!("not together with {name}: the flux sets both velocities");
-        return Err(Refusal::number(field, flux, permitted));
+impl Shared {
+    /// Numbers that a run of so many cells stores with its profiles and series.
+    pub fn stored_numbers(&self, n_cells: usize) -> usize {
+        let steps = self.steps.as_ref();
+        let rows = steps.map_or(0, Steps::rows);
+        let profiles = 1 + steps.map_or(0, |s| s.profiles_at.len());
+        rows.saturating_mul(SERIES.len()).saturating_add(profiles.saturating_mul(6 * n_cells))
     }
-    let speed = flux / parameters.terminus_thickness_m;
-    for name in VELOCITIES {
-        let info = params::info(name).expect("velocities are in the table");
-        if info.check(speed).is_err() {
-            let permitted = format!(
-                "a finite number whose quotient by terminus_thickness_m = {} is {}",
-                parameters.terminus_thickness_m,
-                params::permitted(name)
-            );
-            return Err(Refusal::number(field, flux, permitted));
-        }
-        parameters.set(name, speed).map_err(|e| Refusal::parameter("parameters", &e))?;
+
+    /// Size of a run of so many cells in units of measured work: cells, times steps for a transient.
+    pub fn work(&self, n_cells: usize) -> f64 {
+        let steps = self.steps.as_ref().map_or(1, Steps::count);
+        let grids = if self.grid_error { 16.0 } else { 1.0 };
+        n_cells as f64 * steps as f64 * grids
     }
-    Ok(())
 }
 
 impl RunSpec {
@@ -369,18 +326,12 @@ impl RunSpec {
 
     /// Numbers stored with the run's profiles and series.
     pub fn stored_numbers(&self) -> usize {
-        let profile = 6 * self.parameters().n_cells;
-        let steps = self.shared.steps.as_ref();
-        let rows = steps.map_or(0, Steps::rows);
-        let profiles = 1 + steps.map_or(0, |s| s.profiles_at.len());
-        rows.saturating_mul(SERIES.len()).saturating_add(profiles.saturating_mul(profile))
+        self.shared.stored_numbers(self.parameters().n_cells)
     }
 
-    /// Size of the run in units of measured work: cells, times steps for a transient.
+    /// Size of the run, see [`Shared::work`].
     pub fn work(&self) -> f64 {
-        let steps = self.shared.steps.as_ref().map_or(1, Steps::count);
-        let grids = if self.shared.grid_error { 16.0 } else { 1.0 };
-        self.parameters().n_cells as f64 * steps as f64 * grids
+        self.shared.work(self.parameters().n_cells)
     }
 
     fn check_start(&self) -> Result<(), Refusal> {

@@ -80,8 +80,33 @@ pub struct Counts {
     pub fjord_closed: i64,
     /// See [`Status::Failed`].
     pub failed: i64,
-    /// Given up by a user; none until sweeps can be cancelled.
+    /// Given up by a user.
     pub cancelled: i64,
+}
+
+/// What a run is before it has a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pending {
+    /// Waiting for a worker.
+    Queued,
+    /// In a chunk that a worker holds.
+    Running,
+    /// Given up by a user.
+    Cancelled,
+}
+
+impl Pending {
+    /// All of them.
+    pub const ALL: [Pending; 3] = [Self::Queued, Self::Running, Self::Cancelled];
+
+    /// Name at every boundary.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Cancelled => "cancelled",
+        }
+    }
 }
 
 impl Counts {
@@ -98,24 +123,77 @@ impl Counts {
         } += count;
     }
 
+    /// Adds runs by the name of their state; an unknown name is told by `false`.
+    pub fn add_named(&mut self, name: &str, count: i64) -> bool {
+        if let Some(status) = Status::from_name(name) {
+            self.add(status, count);
+            return true;
+        }
+        let Some(pending) = Pending::ALL.into_iter().find(|p| p.name() == name) else {
+            return false;
+        };
+        *match pending {
+            Pending::Queued => &mut self.queued,
+            Pending::Running => &mut self.running,
+            Pending::Cancelled => &mut self.cancelled,
+        } += count;
+        true
+    }
+
     /// Runs that ended, one way or another.
     pub fn ended(&self) -> i64 {
         self.total - self.queued - self.running
     }
+}
 
-    /// The sweep's state, which follows from its counts.
-    pub fn state(&self) -> SweepState {
-        if self.ended() == self.total {
-            SweepState::Complete
-        } else if self.running > 0 || self.ended() > 0 {
-            SweepState::Running
-        } else {
-            SweepState::Queued
+/// What a sweep waits for, as it is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// For a worker to take its chunks, and for those under way.
+    Open,
+    /// For its user to resume it.
+    Paused,
+    /// For the chunks under way only.
+    Stopping,
+    /// For nothing.
+    Ended,
+    /// To be cleared away; nobody sees it any more.
+    Deleted,
+}
+
+impl Phase {
+    /// Name in the database.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Paused => "paused",
+            Self::Stopping => "stopping",
+            Self::Ended => "ended",
+            Self::Deleted => "deleted",
+        }
+    }
+
+    /// The phase of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Open, Self::Paused, Self::Stopping, Self::Ended, Self::Deleted]
+            .into_iter()
+            .find(|p| p.name() == name)
+    }
+
+    /// The state that users see.
+    pub fn state(self, counts: &Counts) -> SweepState {
+        match self {
+            Self::Paused => SweepState::Paused,
+            Self::Stopping => SweepState::Stopping,
+            Self::Ended | Self::Deleted if counts.cancelled > 0 => SweepState::Cancelled,
+            Self::Ended | Self::Deleted => SweepState::Complete,
+            Self::Open if counts.running > 0 || counts.ended() > 0 => SweepState::Running,
+            Self::Open => SweepState::Queued,
         }
     }
 }
 
-/// State of a sweep. Pausing, stopping and cancelling are not there yet.
+/// State of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SweepState {
@@ -123,6 +201,49 @@ pub enum SweepState {
     Queued,
     /// Some runs are under way or have ended.
     Running,
-    /// Every run has ended.
+    /// No chunk is started until it is resumed; those under way end.
+    Paused,
+    /// The chunks under way end, and no others start.
+    Stopping,
+    /// Every run has a result.
     Complete,
+    /// It was stopped or cancelled with runs left.
+    Cancelled,
+}
+
+/// What a user asks of a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Verb {
+    /// Start no more chunks until resumed.
+    Pause,
+    /// Go on, after a pause, a stop or a cancellation.
+    Resume,
+    /// Finish what is under way and cancel the rest.
+    Stop,
+    /// Cancel what has no result yet, also what is under way.
+    Cancel,
+    /// Queue the failed runs again.
+    Retry,
+}
+
+impl Verb {
+    /// All verbs.
+    pub const ALL: [Verb; 5] = [Verb::Pause, Verb::Resume, Verb::Stop, Verb::Cancel, Verb::Retry];
+
+    /// Name at every boundary.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verb::Pause => "pause",
+            Verb::Resume => "resume",
+            Verb::Stop => "stop",
+            Verb::Cancel => "cancel",
+            Verb::Retry => "retry",
+        }
+    }
+
+    /// The verb of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|v| v.name() == name)
+    }
 }

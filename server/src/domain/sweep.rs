@@ -1,10 +1,11 @@
-//! A sweep: a scenario and the axes of its grid. Points come from the index, never by accumulation.
+//! A sweep: a scenario and its points, which are the grid of its axes, a sample or the rows of a table.
 
-use super::document::{Axis, Document};
+use super::axes::{self, Column, Columns};
+use super::document::Document;
+use super::effective::VELOCITIES;
+use super::order::Order;
 use super::refusal::Refusal;
-use super::run::{FLUX, MAX_STORED_NUMBERS, RunSpec, Scenario, closure_of_name};
-use melange_solver::params::{self, ParameterError};
-use melange_solver::physics::closure::UpstreamClosure;
+use super::run::{FLUX, MAX_STORED_NUMBERS, RunSpec, Scenario};
 use std::ops::Range;
 
 /// A sweep whose every run has been checked to be a run.
@@ -12,83 +13,148 @@ use std::ops::Range;
 pub struct SweepSpec {
     document: Document,
     scenario: Scenario,
-    axes: Vec<Points>,
+    /// With how far apart in the index an axis' points are.
+    axes: Vec<(Columns, usize)>,
+    count: usize,
+    order: Order,
 }
 
-/// The points of an axis.
-#[derive(Debug, Clone, PartialEq)]
-enum Points {
-    Parameter(String, Vec<f64>),
-    Closure(Vec<UpstreamClosure>),
+/// What the operator permits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Most runs of a sweep; never more than [`MOST_RUNS`].
+    pub max_runs: usize,
 }
 
-impl Points {
-    fn len(&self) -> usize {
-        match self {
-            Points::Parameter(_, values) => values.len(),
-            Points::Closure(values) => values.len(),
-        }
+/// Most runs of a sweep, whatever the operator permits.
+pub const MOST_RUNS: usize = 1 << 24;
+
+impl Limits {
+    /// Those that nobody can lift.
+    pub const MOST: Self = Self { max_runs: MOST_RUNS };
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { max_runs: 1_000_000 }
     }
 }
 
-/// Most runs of a sweep.
-pub const MAX_RUNS: usize = 1_000_000;
 /// Longest name of a sweep, in characters.
 const MAX_NAME: usize = 200;
+/// Most tags of a sweep.
+const MAX_TAGS: usize = 20;
+/// Longest tag, in characters.
+const MAX_TAG: usize = 50;
+/// Largest priority, and the smallest with the other sign.
+const MAX_PRIORITY: i64 = 100;
 
 impl Document {
-    /// The document as a sweep; without axes it has one run. Every run is checked.
-    pub fn into_sweep(self) -> Result<SweepSpec, Refusal> {
-        let name_length = self.name.as_deref().unwrap_or_default().chars().count();
-        if name_length > MAX_NAME {
-            return Err(Refusal::value(
-                "name",
-                name_length,
-                format!("at most {MAX_NAME} characters"),
-            ));
-        }
-        // Counted before anything is laid out: a short document can ask for very many points.
-        let mut count = 1_usize;
-        for (i, axis) in self.axes.iter().enumerate() {
-            let of = |a: &Axis| (a.parameter.clone(), a.option.clone());
-            if self.axes[..i].iter().any(|earlier| of(earlier) == of(axis)) {
-                let name = axis.parameter.as_deref().or(axis.option.as_deref()).unwrap_or_default();
-                return Err(Refusal::value(
-                    format!("axes[{i}]"),
-                    name,
-                    "each name on one axis only",
-                ));
-            }
-            count = count.saturating_mul(axis.points_asked_for());
-            if count > MAX_RUNS {
-                let permitted = format!("a grid of at most {MAX_RUNS} runs");
-                return Err(Refusal::value("axes", count, permitted));
-            }
-        }
-        let laid_out =
-            self.axes.iter().enumerate().map(|(i, a)| a.points(&format!("axes[{i}]"), MAX_RUNS));
-        let axes: Vec<Points> = laid_out.collect::<Result<_, _>>()?;
+    /// The document as a sweep; without points of its own it has one run. Every run is checked.
+    pub fn into_sweep(self, limits: &Limits) -> Result<SweepSpec, Refusal> {
+        self.check_label()?;
+        let axes = self.points(limits.max_runs.min(MOST_RUNS))?;
         let scenario = self.scenario()?;
         if !scenario.shared().transects_at_chi.is_empty() {
             let why =
                 "it is for a single run: a sweep stores profiles, from which transects follow";
             return Err(Refusal::out_of_place("options.transects_at_chi", why));
         }
-        if scenario.closure().is_some() && axes.iter().any(|a| matches!(a, Points::Closure(_))) {
+        let mut columns = axes.iter().flatten();
+        if scenario.closure().is_some() && columns.any(|c| matches!(c, Column::Closure(_))) {
             return Err(Refusal {
                 field: Some("options.upstream_closure".into()),
                 ..Refusal::sentence("`upstream_closure` is given as an option and as an axis")
             });
         }
-        let sweep = SweepSpec { document: self, scenario, axes };
-        for index in 0..count {
-            sweep.checked_run(index)?;
+        let sweep = SweepSpec::new(self, scenario, axes)?;
+        for index in 0..sweep.count {
+            sweep.checked_run(index).map_err(|refusal| sweep.in_row(index, refusal))?;
         }
         Ok(sweep)
+    }
+
+    /// The columns of each axis; nothing is laid out before it is counted.
+    fn points(&self, most: usize) -> Result<Vec<Columns>, Refusal> {
+        let given = [
+            ("axes", !self.axes.is_empty()),
+            ("sample", self.sample.is_some()),
+            ("table", self.table.is_some()),
+        ];
+        let given: Vec<&str> = given.into_iter().filter(|(_, is)| *is).map(|(f, _)| f).collect();
+        if let [first, second, ..] = given[..] {
+            let why =
+                format!("`{first}` is given too, and a sweep has either axes, a sample or a table");
+            return Err(Refusal::out_of_place(second, &why));
+        }
+        let check = |field: &str, count: usize| {
+            if count > most {
+                return Err(Refusal::value(field, count, format!("at most {most} runs")));
+            }
+            Ok(())
+        };
+        if let Some(sample) = &self.sample {
+            check("sample.n", sample.count())?;
+            return Ok(vec![sample.columns()?]);
+        }
+        if let Some(table) = &self.table {
+            check("table.rows", table.rows())?;
+            return Ok(vec![table.lanes()?]);
+        }
+        axes::lay_out(&self.axes, most)
+    }
+
+    /// Checks what only people and the queue read.
+    fn check_label(&self) -> Result<(), Refusal> {
+        let length = self.name.as_deref().unwrap_or_default().chars().count();
+        if length > MAX_NAME {
+            let permitted = format!("at most {MAX_NAME} characters");
+            return Err(Refusal::value("name", length, permitted));
+        }
+        if self.tags.len() > MAX_TAGS {
+            let permitted = format!("at most {MAX_TAGS} tags");
+            return Err(Refusal::value("tags", self.tags.len(), permitted));
+        }
+        for (i, tag) in self.tags.iter().enumerate() {
+            let field = format!("tags[{i}]");
+            let is_plain = tag.chars().all(|c| c.is_alphanumeric() || "_-.:".contains(c));
+            if !is_plain || !(1..=MAX_TAG).contains(&tag.chars().count()) {
+                let permitted = format!("1 to {MAX_TAG} letters, digits, `_`, `-`, `.` and `:`");
+                return Err(Refusal::value(field, tag.as_str(), permitted));
+            }
+            if self.tags[..i].contains(tag) {
+                return Err(Refusal::value(field, tag.as_str(), "each tag once"));
+            }
+        }
+        match self.priority {
+            Some(priority) if !(-MAX_PRIORITY..=MAX_PRIORITY).contains(&priority) => {
+                let permitted = format!("a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}");
+                Err(Refusal::value("priority", priority, permitted))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
 impl SweepSpec {
+    fn new(document: Document, scenario: Scenario, axes: Vec<Columns>) -> Result<Self, Refusal> {
+        let columns = axes.iter().flatten().filter_map(|column| match column {
+            Column::Parameter(name, values) => Some((*name, values[0])),
+            Column::Closure(_) => None,
+        });
+        let scenario = scenario.varied(columns)?;
+        let mut count = 1;
+        let mut spaced = Vec::with_capacity(axes.len());
+        for columns in axes.into_iter().rev() {
+            let points = columns[0].len();
+            spaced.push((columns, count));
+            count *= points;
+        }
+        spaced.reverse();
+        let order = Order::new(&spaced);
+        Ok(Self { document, scenario, axes: spaced, count, order })
+    }
+
     /// The document it was made from.
     pub fn document(&self) -> &Document {
         &self.document
@@ -99,9 +165,24 @@ impl SweepSpec {
         self.document.name.as_deref().unwrap_or("unnamed sweep")
     }
 
+    /// Words to find it by.
+    pub fn tags(&self) -> &[String] {
+        &self.document.tags
+    }
+
+    /// Sweeps with a higher one are solved first.
+    pub fn priority(&self) -> i64 {
+        self.document.priority.unwrap_or_default()
+    }
+
+    /// Whether runs are solved even if they are stored already.
+    pub fn is_forced(&self) -> bool {
+        self.document.force.unwrap_or_default()
+    }
+
     /// Number of runs.
     pub fn count(&self) -> usize {
-        self.axes.iter().map(Points::len).product()
+        self.count
     }
 
     /// The run of an index below [`SweepSpec::count`].
@@ -109,169 +190,110 @@ impl SweepSpec {
         self.checked_run(index).expect("every run was checked when the sweep was made")
     }
 
+    /// The effective parameters that differ between runs, in the order of the axes.
+    pub fn varied(&self) -> Vec<&'static str> {
+        let mut varied = Vec::new();
+        for column in self.axes.iter().flat_map(|(columns, _)| columns) {
+            match column {
+                Column::Parameter(name, _) if *name == FLUX => varied.extend(VELOCITIES),
+                Column::Parameter(name, _) => varied.push(*name),
+                Column::Closure(_) => {}
+            }
+        }
+        varied
+    }
+
+    /// Units of work (see [`RunSpec::work`]) and stored numbers of all runs.
+    pub fn extent(&self) -> (f64, usize) {
+        let of = |index| {
+            let run = self.run(index);
+            (run.work(), run.stored_numbers())
+        };
+        if self.varied().contains(&"n_cells") {
+            let add = |(work, numbers), (w, n): (f64, usize)| (work + w, numbers + n);
+            return (0..self.count).map(of).fold((0.0, 0), add);
+        }
+        let (work, numbers) = of(0);
+        (work * self.count as f64, numbers * self.count)
+    }
+
+    /// The indices of a stretch in an order in which each run lies near the one before.
+    pub fn visiting_order(&self, stretch: Range<usize>) -> Vec<usize> {
+        self.order.visit(&self.axes, stretch)
+    }
+
     /// Cuts the sweep into stretches of neighbouring runs, each of about `work` units (see
     /// [`RunSpec::work`]), at most `most` runs and so many stored numbers as one run may have.
     pub fn stretches(&self, work: f64, most: usize) -> Vec<Range<usize>> {
-        let mut stretches = Vec::new();
-        let (mut first, mut work_held, mut numbers_held) = (0, 0.0, 0);
-        for index in 0..self.count() {
-            let run = self.run(index);
-            let numbers = run.stored_numbers();
-            let is_full = index - first >= most
-                || work_held + run.work() > work
-                || numbers_held + numbers > MAX_STORED_NUMBERS;
-            if index > first && is_full {
-                stretches.push(first..index);
-                (first, work_held, numbers_held) = (index, 0.0, 0);
+        let shared = self.scenario.shared();
+        let written = self.run(0).parameters().n_cells;
+        let varied = self.axes.iter().find_map(|(columns, stride)| {
+            columns.iter().find_map(|column| match column {
+                Column::Parameter("n_cells", values) => Some((values, *stride)),
+                _ => None,
+            })
+        });
+        // What a run costs depends on no other parameter.
+        let cells = |index: usize| match varied {
+            Some((values, stride)) => values[index / stride % values.len()] as usize,
+            None => written,
+        };
+        let end = |first: usize| {
+            let (mut work_held, mut numbers_held) = (0.0, 0);
+            for index in first..self.count {
+                work_held += shared.work(cells(index));
+                numbers_held += shared.stored_numbers(cells(index));
+                let is_over =
+                    index - first >= most || work_held > work || numbers_held > MAX_STORED_NUMBERS;
+                if index > first && is_over {
+                    return index;
+                }
             }
-            work_held += run.work();
-            numbers_held += numbers;
+            self.count
+        };
+        let mut stretches = Vec::new();
+        let mut first = 0;
+        while first < self.count {
+            let length = match stretches.first() {
+                Some(Range { start, end }) if varied.is_none() => end - start,
+                _ => end(first) - first,
+            };
+            let next = (first + length).min(self.count);
+            stretches.push(first..next);
+            first = next;
         }
-        stretches.push(first..self.count());
         stretches
     }
 
     fn checked_run(&self, index: usize) -> Result<RunSpec, Refusal> {
-        let mut rest = index;
-        let mut point = Vec::with_capacity(self.axes.len());
-        let mut closure = None;
-        for axis in self.axes.iter().rev() {
-            let i = rest % axis.len();
-            rest /= axis.len();
-            match axis {
-                Points::Parameter(name, values) => point.push((name.clone(), values[i])),
-                Points::Closure(values) => closure = Some(values[i]),
-            }
+        let places = || {
+            self.axes.iter().flat_map(move |(columns, stride)| {
+                let i = index / stride % columns[0].len();
+                columns.iter().map(move |column| (column, i))
+            })
+        };
+        let point = places().filter_map(|(column, i)| match column {
+            Column::Parameter(name, values) => Some((*name, values[i])),
+            Column::Closure(_) => None,
+        });
+        let closure = places().find_map(|(column, i)| match column {
+            Column::Closure(closures) => Some(closures[i]),
+            Column::Parameter(..) => None,
+        });
+        self.scenario.run(point, closure)
+    }
+
+    /// A refusal with the row of the table that it comes from.
+    fn in_row(&self, index: usize, refusal: Refusal) -> Refusal {
+        if self.document.table.is_none() {
+            return refusal;
         }
-        point.reverse();
-        self.scenario.run(&point, closure)
+        Refusal {
+            detail: format!("{} (row {} of the table)", refusal.detail, index + 1),
+            ..refusal
+        }
     }
 }
 
-impl Axis {
-    /// Points the axis would have, for a first count.
-    fn points_asked_for(&self) -> usize {
-        let spaced = self.linspace.or(self.logspace).map(|(_, _, n)| n as usize);
-        spaced.or(self.values.as_ref().map(Vec::len)).unwrap_or(1).max(1)
-    }
-
-    fn points(&self, field: &str, most: usize) -> Result<Points, Refusal> {
-        if self.zip.is_some() {
-            return Err(Refusal::not_yet(&format!("{field}.zip")));
-        }
-        match (&self.parameter, &self.option) {
-            (Some(name), None) => {
-                if name != FLUX && params::info(name).is_none() {
-                    let error = ParameterError::Unknown { name: name.clone() };
-                    return Err(Refusal {
-                        field: Some(format!("{field}.parameter")),
-                        ..Refusal::parameter(field, &error)
-                    });
-                }
-                Ok(Points::Parameter(name.clone(), self.numbers(field, most)?))
-            }
-            (None, Some(option)) if option == "upstream_closure" => {
-                Ok(Points::Closure(self.closures(field)?))
-            }
-            (None, Some(option)) => {
-                Err(Refusal::value(format!("{field}.option"), option.as_str(), "upstream_closure"))
-            }
-            _ => Err(Refusal {
-                field: Some(field.to_owned()),
-                ..Refusal::sentence(format!("`{field}` needs either `parameter` or `option`"))
-            }),
-        }
-    }
-
-    fn closures(&self, field: &str) -> Result<Vec<UpstreamClosure>, Refusal> {
-        let names = match (&self.values, self.linspace, self.logspace) {
-            (Some(values), None, None) => values,
-            _ => {
-                return Err(Refusal {
-                    field: Some(field.to_owned()),
-                    ..Refusal::sentence(format!(
-                        "`{field}` of an option needs `values` and nothing else"
-                    ))
-                });
-            }
-        };
-        let field = format!("{field}.values");
-        let mut closures = Vec::new();
-        for name in names {
-            let text = name.as_str().unwrap_or_default();
-            let closure = closure_of_name(&field, text).map_err(|_| {
-                Refusal::value(&field, name.clone(), "published, printed or no_stretching")
-            })?;
-            if closures.contains(&closure) {
-                return Err(Refusal::value(&field, text, "each value once"));
-            }
-            closures.push(closure);
-        }
-        if closures.is_empty() {
-            return Err(Refusal::value(field, names.clone(), "at least one value"));
-        }
-        Ok(closures)
-    }
-
-    fn numbers(&self, field: &str, most: usize) -> Result<Vec<f64>, Refusal> {
-        let spaced = |kind: &str, (first, last, n): (f64, f64, u64), log: bool| {
-            let field = format!("{field}.{kind}");
-            for end in [first, last] {
-                if !end.is_finite() || (log && end <= 0.0) {
-                    let permitted = if log { "positive finite ends" } else { "finite ends" };
-                    return Err(Refusal::number(&field, end, permitted));
-                }
-            }
-            if n == 0 || n > most as u64 {
-                return Err(Refusal::value(&field, n, format!("from 1 to {most} points")));
-            }
-            if (n == 1) != (first == last) {
-                let permitted = "different ends for several points, the same for one";
-                return Err(Refusal::number(&field, last, permitted));
-            }
-            Ok((0..n as usize).map(|i| spaced_point(first, last, n as usize, i, log)).collect())
-        };
-        let values: Vec<f64> = match (self.linspace, self.logspace, &self.values) {
-            (Some(ends), None, None) => spaced("linspace", ends, false)?,
-            (None, Some(ends), None) => spaced("logspace", ends, true)?,
-            (None, None, Some(values)) => values
-                .iter()
-                .map(|v| {
-                    v.as_f64().ok_or_else(|| {
-                        Refusal::value(format!("{field}.values"), v.clone(), "finite numbers")
-                    })
-                })
-                .collect::<Result<_, _>>()?,
-            _ => {
-                return Err(Refusal {
-                    field: Some(field.to_owned()),
-                    ..Refusal::sentence(format!(
-                        "`{field}` needs exactly one of `linspace`, `logspace` and `values`"
-                    ))
-                });
-            }
-        };
-        if values.is_empty() || values.len() > most {
-            let permitted = format!("from 1 to {most} points");
-            return Err(Refusal::value(format!("{field}.values"), values.len(), permitted));
-        }
-        let mut sorted = values.clone();
-        sorted.sort_by(f64::total_cmp);
-        if let Some(twice) = sorted.windows(2).find(|w| w[0] == w[1]) {
-            return Err(Refusal::number(field, twice[0], "each point once"));
-        }
-        Ok(values)
-    }
-}
-
-/// Point i of n between two ends, which are met exactly.
-fn spaced_point(first: f64, last: f64, n: usize, i: usize, log: bool) -> f64 {
-    if i == 0 {
-        return first;
-    }
-    if i + 1 == n {
-        return last;
-    }
-    let t = i as f64 / (n - 1) as f64;
-    if log { (first.ln() + (last.ln() - first.ln()) * t).exp() } else { first + (last - first) * t }
-}
+#[cfg(test)]
+mod tests;

@@ -3,11 +3,13 @@
 
 use crate::archive::ArchiveError;
 use crate::domain::refusal::Refusal;
-use crate::queue::EnqueueError;
+use crate::queue::{EnqueueError, VerbError};
+use axum::extract::multipart::{MultipartError, MultipartRejection};
 use axum::extract::rejection::BytesRejection;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use std::io;
 use utoipa::ToSchema;
 
 /// A problem document.
@@ -47,11 +49,6 @@ impl Problem {
         Self::new(StatusCode::NOT_FOUND, Refusal::sentence(format!("there is no {what} `{id}`")))
     }
 
-    /// A part of the interface that is not there yet.
-    pub fn not_yet(what: &str) -> Self {
-        Self::new(StatusCode::NOT_IMPLEMENTED, Refusal::not_yet(what))
-    }
-
     /// The request asks for what the present state does not allow.
     pub fn conflict(sentence: impl Into<String>) -> Self {
         Self::new(StatusCode::CONFLICT, Refusal::sentence(sentence))
@@ -64,6 +61,17 @@ impl Problem {
             Refusal::sentence("the service broke off while answering: a defect to report"),
         )
         .into_response()
+    }
+
+    /// The disk does not do what it should; nothing was lost, and nothing was taken.
+    fn storage(what: &str) -> Self {
+        let sentence = format!("{what}: nothing was changed; try again when that is mended");
+        Self::new(StatusCode::INSUFFICIENT_STORAGE, Refusal::sentence(sentence))
+    }
+
+    /// One sentence on what is wrong.
+    pub fn sentence(&self) -> &str {
+        &self.refusal.detail
     }
 
     fn inner(cause: &dyn std::error::Error) -> Self {
@@ -98,19 +106,95 @@ impl From<Refusal> for Problem {
 
 impl From<sqlx::Error> for Problem {
     fn from(error: sqlx::Error) -> Self {
-        Self::inner(&error)
+        /// SQLite's codes for what the disk under the database is to blame for: full, read-only, broken.
+        const FULL: &str = "13";
+        const READ_ONLY: &str = "8";
+        const IO: &str = "10";
+        const CORRUPT: &str = "11";
+        const NO_DATABASE: &str = "26";
+        let code = error.as_database_error().and_then(|e| e.code()).unwrap_or_default();
+        // The lowest byte is the code, the rest says more of it.
+        let code = code.parse::<u32>().map_or(String::new(), |c| (c & 0xff).to_string());
+        tracing::error!("{error}");
+        match code.as_str() {
+            FULL => Self::storage("the disk of the data directory is full"),
+            READ_ONLY => Self::storage("the data directory cannot be written"),
+            IO => Self::storage("the disk of the data directory does not take or give data"),
+            CORRUPT | NO_DATABASE => {
+                let sentence =
+                    "the database of the data directory is damaged; see `melange verify`";
+                Self::new(StatusCode::INTERNAL_SERVER_ERROR, Refusal::sentence(sentence))
+            }
+            _ if matches!(error, sqlx::Error::PoolTimedOut) => {
+                let sentence = "the database is busy: nothing was changed; try again";
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, Refusal::sentence(sentence))
+            }
+            _ => Self::inner(&error),
+        }
     }
 }
 
 impl From<ArchiveError> for Problem {
     fn from(error: ArchiveError) -> Self {
-        Self::inner(&error)
+        match error {
+            ArchiveError::Catalogue(error) => error.into(),
+            // Which file it is and what to do about it helps whoever asks.
+            ArchiveError::Damaged { .. }
+            | ArchiveError::Newer { .. }
+            | ArchiveError::Parquet { .. } => {
+                tracing::error!("{error}");
+                Self::new(StatusCode::INTERNAL_SERVER_ERROR, Refusal::sentence(error.to_string()))
+            }
+            ArchiveError::File { ref path, ref source, .. } => {
+                tracing::error!("{error}");
+                match source.kind() {
+                    io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                        Self::storage("the disk of the data directory is full")
+                    }
+                    io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::PermissionDenied => {
+                        Self::storage("the data directory cannot be read or written")
+                    }
+                    io::ErrorKind::NotFound => {
+                        let sentence = format!(
+                            "the archive's file {path} is missing; `melange verify --repair` solves its runs again"
+                        );
+                        Self::new(StatusCode::INTERNAL_SERVER_ERROR, Refusal::sentence(sentence))
+                    }
+                    _ => Self::inner(&error),
+                }
+            }
+            error => Self::inner(&error),
+        }
     }
 }
 
 impl From<EnqueueError> for Problem {
     fn from(error: EnqueueError) -> Self {
-        Self::inner(&error)
+        match error {
+            EnqueueError::Database(error) => error.into(),
+            error => Self::inner(&error),
+        }
+    }
+}
+
+impl From<VerbError> for Problem {
+    fn from(error: VerbError) -> Self {
+        match error {
+            VerbError::Database(error) => error.into(),
+            VerbError::State(sentence) => Self::conflict(sentence),
+        }
+    }
+}
+
+impl From<MultipartRejection> for Problem {
+    fn from(rejection: MultipartRejection) -> Self {
+        Self::new(rejection.status(), Refusal::sentence(rejection.body_text()))
+    }
+}
+
+impl From<MultipartError> for Problem {
+    fn from(error: MultipartError) -> Self {
+        Self::new(error.status(), Refusal::sentence(error.body_text()))
     }
 }
 

@@ -3,11 +3,15 @@
 
 pub mod dashboard;
 pub mod error;
+pub mod events;
 pub mod extract;
 pub mod runs;
+pub mod submit;
 pub mod sweeps;
+pub mod verbs;
 
 use crate::domain::dictionary::Dictionary;
+use crate::domain::sweep::Limits;
 use crate::store::Store;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
@@ -16,8 +20,10 @@ use error::Problem;
 use extract::NothingAsked;
 use std::sync::Arc;
 use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::{DefaultPredicate, NotForContentType, Predicate};
 use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
@@ -33,13 +39,19 @@ pub struct Service {
     pub wake: Arc<Notify>,
     /// Number of worker threads, for cutting sweeps into chunks.
     pub workers: usize,
+    /// Limits of a sweep, set by the operator.
+    pub limits: Limits,
+    /// Largest body of a submission, bytes, set by the operator.
+    pub most_bytes: usize,
+    /// Cancelled when the process is to end: streams of events end then.
+    pub stop: CancellationToken,
 }
 
-/// Largest document taken: a sweep of 100,000 listed values fits.
-const DOCUMENT_BYTES: usize = 4 << 20;
-/// Largest body read. A document that is too large is read to its end up to here, so that the refusal
-/// reaches a client that is still sending; beyond, the connection is closed.
-const BODY_BYTES: usize = 4 * DOCUMENT_BYTES;
+/// Largest body of a submission if the operator says nothing: a table of a million rows fits.
+pub const MOST_BYTES: usize = 64 << 20;
+/// How much of a body that is too large is read, in units of the largest one permitted: so the refusal
+/// reaches a client that is still sending. Beyond, the connection is closed.
+const READ_ON: usize = 2;
 
 #[derive(OpenApi)]
 #[openapi(info(
@@ -52,14 +64,17 @@ struct Api;
 /// All routes.
 pub fn router(service: Service) -> Router {
     let (router, api) = documented().split_for_parts();
+    let most_read = service.most_bytes.saturating_mul(READ_ON);
+    // Parquet is compressed already.
+    let compressed = DefaultPredicate::new().and(NotForContentType::const_new(runs::PARQUET_TYPE));
     router
         .route("/api/v1/openapi.json", get(openapi))
         .fallback(dashboard::file)
         .method_not_allowed_fallback(async || Problem::method_not_allowed())
         .with_state(service)
         .merge(SwaggerUi::new("/api/v1/docs").url("/api/v1/docs/openapi.json", api))
-        .layer(DefaultBodyLimit::max(BODY_BYTES))
-        .layer(CompressionLayer::new())
+        .layer(DefaultBodyLimit::max(most_read))
+        .layer(CompressionLayer::new().compress_when(compressed))
         .layer(CatchPanicLayer::custom(|_: Box<dyn std::any::Any + Send>| Problem::broken()))
         // Failures are logged with their cause where they happen.
         .layer(TraceLayer::new_for_http().on_failure(()))
@@ -70,11 +85,11 @@ fn documented() -> OpenApiRouter<Service> {
         "/api/v1",
         OpenApiRouter::new()
             .routes(routes!(dictionary))
-            .routes(routes!(sweeps::submit, sweeps::list))
-            .routes(routes!(sweeps::one))
+            .routes(routes!(submit::submit, sweeps::list))
+            .routes(routes!(sweeps::one, verbs::delete))
             .routes(routes!(sweeps::fit))
-            .routes(routes!(sweeps::verb))
-            .routes(routes!(sweeps::events))
+            .routes(routes!(verbs::verb))
+            .routes(routes!(events::events))
             .routes(routes!(runs::of_sweep))
             .routes(routes!(runs::runs_parquet))
             .routes(routes!(runs::runs_csv))
@@ -95,7 +110,7 @@ async fn health(
     _: NothingAsked,
 ) -> Result<axum::Json<serde_json::Value>, Problem> {
     let mut tx = service.store.read().await?;
-    let (_, sweeps) = crate::queue::sweeps(&mut tx, 1, 0).await?;
+    let sweeps = crate::queue::health(&mut tx).await?;
     Ok(axum::Json(serde_json::json!({
         "status": "ok",
         "version": env!("CARGO_PKG_VERSION"),

@@ -3,11 +3,12 @@
 use super::Service;
 use super::error::Problem;
 use super::extract::{Asked, NothingAsked, Place};
-use super::sweeps::{Page, Paging};
+use super::sweeps::page_limit;
 use crate::archive::bulk::{Format, gather};
-use crate::archive::catalogue::{self, Order, RunRow};
+use crate::archive::catalogue::{self, Order, RunRow, Total};
 use crate::archive::read;
 use crate::archive::schema::Kind;
+use crate::domain::filter::Filter;
 use crate::domain::outcome::Outcome;
 use crate::domain::refusal::Refusal;
 use crate::queue;
@@ -16,9 +17,13 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use tokio_util::io::ReaderStream;
-use utoipa::IntoParams;
+use utoipa::{IntoParams, ToSchema};
+
+/// Media type of Parquet.
+pub const PARQUET_TYPE: &str = "application/vnd.apache.parquet";
 
 /// Which runs, in which order.
 #[derive(Debug, Default, Deserialize, IntoParams)]
@@ -31,27 +36,37 @@ pub struct Listing {
     cursor: Option<String>,
     /// Column to sort by, with `-` before it from high to low; `run_index` if not given.
     sort: Option<String>,
-    /// Not there yet.
+    /// Which runs, such as `0.5 <= melt_rate_m_per_day < 0.7 and status = "converged"`.
     filter: Option<String>,
 }
 
-/// A sweep's ended runs, scalars only.
+/// A page of runs.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct RunPage {
+    items: Vec<RunRow>,
+    /// Cursor of the next page; null at the end.
+    next: Option<String>,
+    #[serde(flatten)]
+    total: Total,
+}
+
+/// A sweep's ended runs, scalars only. `total` is exact where an index tells (the status, the force, up to
+/// four of the parameters that the sweep varies), also where one of these lets at most 20,000 runs through, and
+/// in sweeps of up to 100,000 runs; else it counts what is found among the first 100,000 runs, and `is_exact`
+/// is false.
 #[utoipa::path(
     get, path = "/sweeps/{id}/runs", params(("id" = String, Path,), Listing),
     responses(
-        (status = 200, body = Page<RunRow>), (status = 400, body = Problem),
-        (status = 404, body = Problem), (status = 422, body = Problem), (status = 501, body = Problem),
+        (status = 200, body = RunPage), (status = 400, body = Problem),
+        (status = 404, body = Problem), (status = 422, body = Problem),
     )
 )]
 pub async fn of_sweep(
     State(service): State<Service>,
     Place(id): Place<String>,
-    Asked(listing): Asked<Listing>,
-) -> Result<Json<Page<RunRow>>, Problem> {
-    if listing.filter.is_some() {
-        return Err(Problem::not_yet("filter"));
-    }
-    let sort = listing.sort.as_deref().unwrap_or("run_index");
+    Asked(asked): Asked<Listing>,
+) -> Result<Json<RunPage>, Problem> {
+    let sort = asked.sort.as_deref().unwrap_or("run_index");
     let (column, descending) = match sort.strip_prefix('-') {
         Some(column) => (column, true),
         None => (sort, false),
@@ -61,26 +76,41 @@ pub async fn of_sweep(
             Refusal::value("sort", sort, "a column of the runs, with `-` for high to low").into()
         );
     }
-    let (limit, from) = Paging::window(listing.limit, listing.cursor.as_deref())?;
+    let filter = asked.filter.as_deref().map(|text| Filter::parse(text, &catalogue::kind_of));
+    let filter = filter.transpose()?;
+    let limit = page_limit(asked.limit)?;
+    let after = asked.cursor.as_deref().map(cursor).transpose()?;
     let mut tx = service.store.read().await?;
-    if queue::sweep(&mut tx, &id).await?.is_none() {
-        return Err(Problem::not_found("sweep", &id));
-    }
-    let order = Order { column, descending };
-    let (rows, total) = catalogue::runs(&mut tx, &id, order, limit, from).await?;
-    let is_full = rows.len() as i64 == limit;
-    let next = match rows.last() {
-        Some(last) if order.is_by_index() && is_full => Some(last.run_index() + 1),
-        Some(_) if !order.is_by_index() && from + limit < total => Some(from + limit),
-        _ => None,
+    let sweep = queue::sweep_in_brief(&mut tx, &id).await?;
+    let sweep = sweep.ok_or_else(|| Problem::not_found("sweep", &id))?;
+    let listing = catalogue::Listing {
+        sweep: sweep.number,
+        axes: sweep.axes(),
+        filter: filter.as_ref(),
+        order: Order { column, descending },
+        limit,
+        after,
     };
-    Ok(Json(Page::new(rows, next, total)))
+    // Beside each other: either may have to look at every entry of an index.
+    let mut beside = service.store.read().await?;
+    let page = catalogue::runs(&mut tx, &listing);
+    let ((items, last), total) = tokio::try_join!(page, catalogue::count(&mut beside, &listing))?;
+    let next = last.map(|(value, index)| json!([value, index]).to_string());
+    Ok(Json(RunPage { items, next, total }))
+}
+
+/// The value sorted by and the index of the run before the page.
+fn cursor(text: &str) -> Result<(Value, i64), Problem> {
+    let read: Option<(Value, i64)> = serde_json::from_str(text).ok();
+    let is_one = |value: &Value| value.is_null() || value.is_number() || value.is_string();
+    read.filter(|(value, _)| is_one(value))
+        .ok_or_else(|| Refusal::value("cursor", text, "the `next` of the page before").into())
 }
 
 /// One run with its profile and, of a transient, its series and states.
 #[utoipa::path(
     get, path = "/runs/{id}", params(("id" = String, Path,)),
-    responses((status = 200, body = Outcome), (status = 404, body = Problem))
+    responses((status = 200, body = Outcome), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub async fn one(
     State(service): State<Service>,
@@ -95,7 +125,7 @@ pub async fn one(
 /// All runs of a sweep that have ended, as Parquet.
 #[utoipa::path(
     get, path = "/sweeps/{id}/runs.parquet", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 404, body = Problem))
+    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub async fn runs_parquet(
     State(service): State<Service>,
@@ -108,7 +138,7 @@ pub async fn runs_parquet(
 /// All runs of a sweep that have ended, as CSV.
 #[utoipa::path(
     get, path = "/sweeps/{id}/runs.csv", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "text/csv"), (status = 404, body = Problem))
+    responses((status = 200, content_type = "text/csv"), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub async fn runs_csv(
     State(service): State<Service>,
@@ -121,7 +151,7 @@ pub async fn runs_csv(
 /// All stored profiles of a sweep, as Parquet.
 #[utoipa::path(
     get, path = "/sweeps/{id}/profiles.parquet", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 404, body = Problem))
+    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub async fn profiles_parquet(
     State(service): State<Service>,
@@ -134,7 +164,7 @@ pub async fn profiles_parquet(
 /// All time series of a sweep, as Parquet.
 #[utoipa::path(
     get, path = "/sweeps/{id}/series.parquet", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 404, body = Problem))
+    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 400, body = Problem), (status = 404, body = Problem))
 )]
 pub async fn series_parquet(
     State(service): State<Service>,
@@ -150,17 +180,20 @@ async fn bulk(
     kind: Kind,
     format: Format,
 ) -> Result<Response, Problem> {
+    let in_use = service.store.files_in_use().await;
     let mut tx = service.store.read().await?;
-    if queue::sweep(&mut tx, id).await?.is_none() {
-        return Err(Problem::not_found("sweep", id));
-    }
-    let paths = catalogue::files_of_sweep(&mut tx, id, kind).await?;
+    let sweep = queue::sweep_in_brief(&mut tx, id).await?;
+    let sweep = sweep.ok_or_else(|| Problem::not_found("sweep", id))?;
+    let layout = catalogue::layout(&mut tx, sweep.number, kind).await?;
     drop(tx);
     let archive = service.store.archive();
-    let (file, length) =
-        tokio::task::spawn_blocking(move || gather(&archive, &paths, kind, format)).await??;
+    let (file, length) = tokio::task::spawn_blocking(move || {
+        let _in_use = in_use;
+        gather(&archive, &layout, kind, format)
+    })
+    .await??;
     let (content_type, ending) = match format {
-        Format::Parquet => ("application/vnd.apache.parquet", "parquet"),
+        Format::Parquet => (PARQUET_TYPE, "parquet"),
         Format::Csv => ("text/csv; charset=utf-8", "csv"),
     };
     let body = Body::from_stream(ReaderStream::new(tokio::fs::File::from_std(file)));

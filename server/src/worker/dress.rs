@@ -27,6 +27,10 @@ pub struct Ended {
     pub iterations: usize,
     /// Residual norm of the last solve.
     pub residual_norm: f64,
+    /// Residual norms of a solve that gave up, oldest first.
+    pub residual_history: Option<Vec<f64>>,
+    /// Attempts made, the last of which gave the answer if there is one.
+    pub attempts: u64,
     /// Last state.
     pub state: Option<State>,
     /// Parameters in force at the end, where they differ from the run's.
@@ -49,6 +53,8 @@ impl Ended {
             detail,
             iterations: 0,
             residual_norm: f64::NAN,
+            residual_history: None,
+            attempts: 1,
             state: None,
             parameters: None,
             terminus_x_m: 0.0,
@@ -92,6 +98,8 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
         Some((_, record)) => (Some(record.series), Some(record.states)),
         None => (None, None),
     };
+    let finite = |norms: Vec<f64>| norms.into_iter().filter(|norm| norm.is_finite()).collect();
+    let residual_history: Option<Vec<f64>> = ended.residual_history.map(finite);
     Outcome {
         status: ended.status,
         detail: ended.detail,
@@ -100,6 +108,8 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
         upstream_closure: run.model.closure().name().to_owned(),
         scalars: scalars.finite(),
         iterations: ended.iterations as u64,
+        attempts: ended.attempts,
+        residual_history: residual_history.filter(|norms| !norms.is_empty()),
         root_evidence: ended.root_evidence.map(str::to_owned),
         validity: (!names.is_empty()).then(|| names.join(", ")),
         grid_convergence: told.as_ref().map(grid_convergence),

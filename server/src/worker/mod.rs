@@ -1,24 +1,33 @@
-//! Solves what the queue holds: lease a chunk, solve it on rayon, hand the rows to the archive, finish.
-//! No transaction is open while a solve runs, and no solve runs on an async thread.
+//! Solves what the queue holds: lease a chunk, take over what is known, solve the rest on rayon, hand the
+//! rows to the archive, finish. No transaction is open while a solve runs, and no solve runs on an async
+//! thread.
 
+mod chunk;
+mod claims;
 mod dress;
+pub mod janitor;
+mod keep;
 mod record;
 pub mod solve;
+mod walk;
 
-use crate::archive::{SolvedRun, catalogue, files, read};
+use crate::archive::{catalogue, files, read};
 use crate::domain::document::Document;
 use crate::domain::start::Start;
-use crate::domain::sweep::SweepSpec;
-use crate::queue::{self, Lease, LeaseLost};
-use crate::store::{Connection, Store};
+use crate::domain::sweep::{Limits, SweepSpec};
+use crate::faults::Faults;
+use crate::queue::{self, Lease};
+use crate::store::Store;
 use anyhow::Context;
-use solve::{StoredStart, Walker};
+use claims::Claims;
+use solve::StoredStart;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
-use tokio::sync::{Notify, oneshot};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{Mutex, Notify};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
+use walk::Walking;
 
 /// The workers of this process.
 #[derive(Debug, Clone)]
@@ -26,7 +35,10 @@ pub struct Workers {
     store: Store,
     pool: Arc<rayon::ThreadPool>,
     sweeps: Arc<Mutex<HashMap<String, Arc<SweepSpec>>>>,
+    claims: Claims,
+    walking: Arc<Walking>,
     wake: Arc<Notify>,
+    faults: Faults,
 }
 
 /// Chunks under way per thread: while one is written, the next is solved.
@@ -35,24 +47,37 @@ const CHUNKS_PER_THREAD: usize = 2;
 const AFTER_TROUBLE: Duration = Duration::from_secs(1);
 /// Longest that a worker sleeps over a queue that nobody said has grown.
 const LONGEST_SLEEP: Duration = Duration::from_secs(2);
+/// How much the solver's threads yield to those that answer requests.
+pub const NICENESS: i32 = 10;
 
 impl Workers {
     /// Clears away what a dead process left behind, and makes a pool of threads.
-    pub async fn new(store: Store, threads: usize, wake: Arc<Notify>) -> anyhow::Result<Self> {
+    pub async fn new(
+        store: Store,
+        threads: usize,
+        wake: Arc<Notify>,
+        faults: Faults,
+    ) -> anyhow::Result<Self> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .thread_name(|i| format!("solver-{i}"))
+            // On Linux a thread's niceness is its own; a thread that stays eager does no harm.
+            .start_handler(|_| {
+                rustix::process::nice(NICENESS).ok();
+            })
             .build()
             .context("cannot start the solver's threads")?;
         let reclaimed = queue::reclaim(&store).await?;
-        let listed = catalogue::files(&mut *store.read().await?).await?;
-        let names = listed.iter().map(|(path, _)| path.clone()).collect();
+        let listed = catalogue::all_files(&mut *store.read().await?).await?;
         let archive = store.archive();
-        let (orphans, faults) = tokio::task::spawn_blocking(move || {
-            (files::remove_orphans(&archive, &names), files::faults(&archive, &listed))
+        let (orphans, faulty) = tokio::task::spawn_blocking(move || {
+            let names = listed.iter().map(|file| file.path.clone()).collect();
+            let orphans = files::orphans(&archive, &names)?;
+            files::remove(&archive, orphans.iter().map(String::as_str));
+            std::io::Result::Ok((orphans.len(), files::faults(&archive, &listed)))
         })
-        .await?;
-        let orphans = orphans.context("cannot look through the archive")?;
+        .await?
+        .context("cannot look through the archive")?;
         if reclaimed > 0 || orphans > 0 {
             tracing::info!(
                 chunks = reclaimed,
@@ -60,10 +85,12 @@ impl Workers {
                 "took back what a dead process left"
             );
         }
-        for fault in faults {
-            tracing::error!("the archive is damaged: {fault}");
+        for fault in faulty {
+            tracing::error!("the archive is damaged: {fault}; see `melange verify`");
         }
-        Ok(Self { store, pool: Arc::new(pool), sweeps: Arc::default(), wake })
+        let (sweeps, claims) = Default::default();
+        let walking = Arc::new(Walking::new(threads));
+        Ok(Self { store, pool: Arc::new(pool), sweeps, claims, walking, wake, faults })
     }
 
     /// Number of threads that solve.
@@ -78,19 +105,19 @@ impl Workers {
             let (workers, stop) = (self.clone(), stop.clone());
             slots.spawn(async move { workers.slot(&stop).await });
         }
+        let (store, stop) = (self.store.clone(), stop.clone());
+        slots.spawn(async move { janitor::work(&store, &stop).await });
         slots.join_all().await;
     }
 
     async fn slot(&self, stop: &CancellationToken) {
         while !stop.is_cancelled() {
             let pause = match queue::lease(&self.store).await {
-                Ok(Some(lease)) => match self.chunk(&lease, stop).await {
+                Ok(Some(lease)) => match self.leased(&lease, stop).await {
                     Ok(()) => continue,
                     Err(error) => {
                         tracing::error!(sweep = lease.sweep_id, chunk = lease.chunk, "{error:#}");
-                        if let Err(error) = queue::give_back(&self.store, &lease).await {
-                            tracing::error!("cannot give the chunk back: {error}");
-                        }
+                        self.give_back(&lease, stop).await;
                         AFTER_TROUBLE
                     }
                 },
@@ -108,80 +135,68 @@ impl Workers {
         }
     }
 
-    /// One chunk from lease to commit; given back if told to stop before it is solved.
-    async fn chunk(&self, lease: &Lease, stop: &CancellationToken) -> anyhow::Result<()> {
-        let sweep = self.sweep(&lease.sweep_id).await?;
-        let start = self.start(&sweep).await;
-        let (send, receive) = oneshot::channel();
-        let (spec, held, stop) = (sweep.clone(), lease.clone(), stop.clone());
-        self.pool.spawn(move || {
-            let start = start.as_ref().map_err(String::as_str);
-            let solved = solve_chunk(&spec, &held, start, &|| stop.is_cancelled());
-            // The receiver is gone only when the process ends.
-            send.send(solved).ok();
-        });
-        let solved = receive.await.context("the solver's threads are gone")?;
-        let Some((runs, duration)) = solved else {
-            queue::give_back(&self.store, lease).await?;
-            return Ok(());
-        };
-
-        let archive = self.store.archive();
-        let held = lease.clone();
-        let (written, runs) = tokio::task::spawn_blocking(move || {
-            let written =
-                files::write_chunk(&archive, &held.sweep_id, held.chunk, &held.token, &runs);
-            written.map(|written| (written, runs))
-        })
-        .await??;
-        let mut tx = self.store.write().await?;
-        let added = self.add(&mut tx, lease, &sweep, &written, &runs, duration).await;
-        if added.is_err() {
-            files::remove(&self.store.archive(), &written);
+    /// Gives a chunk back, however often that has to be tried: in this process nobody else takes it up.
+    async fn give_back(&self, lease: &Lease, stop: &CancellationToken) {
+        while let Err(error) = queue::give_back(&self.store, lease).await {
+            tracing::error!(
+                sweep = lease.sweep_id,
+                chunk = lease.chunk,
+                "cannot give it back: {error}"
+            );
+            tokio::select! {
+                // The next start takes it back.
+                () = stop.cancelled() => return,
+                () = tokio::time::sleep(AFTER_TROUBLE) => {}
+            }
         }
-        added?;
-        // A commit that fails may have happened: the files stay, listed or as orphans.
-        tx.commit().await?;
-        Ok(())
     }
 
-    /// What the one transaction of a chunk holds: its end, its files, its runs.
-    async fn add(
-        &self,
-        tx: &mut Connection,
-        lease: &Lease,
-        sweep: &SweepSpec,
-        written: &[files::Written],
-        runs: &[SolvedRun],
-        duration: Duration,
-    ) -> anyhow::Result<()> {
-        let statuses = runs.iter().map(|run| run.outcome.status);
-        let finished: Result<(), LeaseLost> = queue::finish(tx, lease, statuses).await?;
-        finished?;
-        catalogue::insert(tx, &lease.sweep_id, lease.chunk, written, runs).await?;
-        let stretch = lease.first_run..lease.first_run + lease.run_count;
-        let work: f64 = stretch.map(|i| sweep.run(i).work()).sum();
-        let regime = sweep.run(lease.first_run).shared.regime.name();
-        queue::measured(tx, regime, duration.as_secs_f64() / work).await?;
-        Ok(())
+    /// Works on a chunk, and stops when the lease is taken away or the process is to end.
+    async fn leased(&self, lease: &Lease, stop: &CancellationToken) -> anyhow::Result<()> {
+        let mut revocations = self.store.revocations();
+        let stop = stop.child_token();
+        let watch = async {
+            loop {
+                let held = match self.store.read().await {
+                    Ok(mut tx) => queue::holds(&mut tx, lease).await,
+                    Err(error) => Err(error),
+                };
+                match held {
+                    Ok(true) if revocations.changed().await.is_ok() => {}
+                    Ok(true) => break,
+                    Ok(false) => {
+                        stop.cancel();
+                        break;
+                    }
+                    Err(_) => tokio::time::sleep(AFTER_TROUBLE).await,
+                }
+            }
+            std::future::pending().await
+        };
+        tokio::select! {
+            done = self.chunk(lease, &stop) => done,
+            () = watch => Ok(()),
+        }
     }
 
-    async fn sweep(&self, id: &str) -> anyhow::Result<Arc<SweepSpec>> {
+    async fn sweep(&self, lease: &Lease) -> anyhow::Result<Arc<SweepSpec>> {
         /// Sweeps kept at hand.
         const KEPT: usize = 16;
-        let known = self.sweeps.lock().expect("no panic while it is held").get(id).cloned();
-        if let Some(sweep) = known {
-            return Ok(sweep);
+        let id = &lease.sweep_id;
+        // Held while a document is read, so that it is read once.
+        let mut sweeps = self.sweeps.lock().await;
+        if let Some(sweep) = sweeps.get(id) {
+            return Ok(sweep.clone());
         }
         let row = queue::sweep(&mut *self.store.read().await?, id)
             .await?
             .with_context(|| format!("sweep {id} is gone"))?;
         let spec = tokio::task::spawn_blocking(move || {
-            Document::parse(&row.document).and_then(Document::into_sweep)
+            // It was within the limits when it was submitted.
+            Document::parse(&row.document).and_then(|d| d.into_sweep(&Limits::MOST))
         })
         .await??;
         let spec = Arc::new(spec);
-        let mut sweeps = self.sweeps.lock().expect("no panic while it is held");
         if sweeps.len() >= KEPT {
             sweeps.clear();
         }
@@ -191,39 +206,20 @@ impl Workers {
 
     /// The stored state that the sweep names as its start, or why there is none; a start that cannot be
     /// read is a failure of its runs, not of the chunk.
-    async fn start(&self, sweep: &SweepSpec) -> Result<StoredStart, String> {
+    async fn start(&self, sweep: &SweepSpec) -> anyhow::Result<Result<StoredStart, String>> {
         let Some(Start::Run(id)) = &sweep.document().start else {
-            return Err("the sweep names no run to start from".into());
+            return Ok(Err("the sweep names no run to start from".into()));
         };
-        match read::stored(&self.store, id).await {
+        Ok(match read::stored(&self.store, id).await {
             Ok(Some(outcome)) => {
                 let terminus_x_m = outcome.scalars.terminus_x_m.unwrap_or(0.0);
                 let state = outcome.profile.map(|profile| StoredStart { profile, terminus_x_m });
                 state.ok_or_else(|| "it has no state".into())
             }
             Ok(None) => Err("it is not in the archive".into()),
-            Err(error) => Err(error.to_string()),
-        }
+            Err(error) if error.is_loss() => Err(error.to_string()),
+            // The chunk is tried again.
+            Err(error) => return Err(error.into()),
+        })
     }
-}
-
-/// The chunk's runs, solved in order, and how long it took; none if told to stop.
-fn solve_chunk(
-    sweep: &SweepSpec,
-    lease: &Lease,
-    start: Result<&StoredStart, &str>,
-    stop: &dyn Fn() -> bool,
-) -> Option<(Vec<SolvedRun>, Duration)> {
-    let begin = Instant::now();
-    let mut walker = Walker::default();
-    let mut runs = Vec::with_capacity(lease.run_count);
-    for run_index in lease.first_run..lease.first_run + lease.run_count {
-        if stop() {
-            return None;
-        }
-        let run = sweep.run(run_index);
-        let outcome = walker.solve(&run, start, stop)?;
-        runs.push(SolvedRun { run_index, run_id: run.id(), outcome });
-    }
-    Some((runs, begin.elapsed()))
 }

@@ -1,5 +1,10 @@
 //! One run through the solver: a checked run in, an outcome out. Knows no queue and no archive.
 
+mod attempts;
+
+use self::attempts::{
+    Attempts, FINER, FINER_STEPS, Found, another_may_help, by_way_of_a_wedge, continued, in_steps,
+};
 use super::dress::{Ended, outcome};
 use super::record::Recorder;
 use crate::domain::document::Regime;
@@ -16,20 +21,22 @@ use melange_solver::observe::Moment;
 use melange_solver::physics::terminus::CalvingLaw;
 use melange_solver::quasi_static::{Given, QuasiStaticVerdict};
 use melange_solver::steady::SteadyVerdict;
-use melange_solver::trail::Trail;
-use melange_solver::transient::{Ending, Plan, TransientEnd};
+use melange_solver::transient::{Ending, Plan, Stepping, TransientEnd};
 use melange_solver::{Solution, Solver, force};
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Evidence given with a steady state.
 const SMOOTHING_LIMIT: &str = "smoothing limit";
 
-/// Solves runs one after the other, each from its neighbour's answer. The answers do not depend on
-/// the neighbour, only the time does.
+/// Solves runs one after the other, each from its neighbour's answer. An answer does not depend on the
+/// neighbour, only the time does; but a solve that gives up by itself may find one by way of a neighbour.
 #[derive(Debug, Default)]
 pub struct Walker {
     solver: Option<Solver>,
-    near: Option<Trail>,
+    found: Found,
+    /// Whether the newest of `found` is a neighbour to start from; not after a failure.
+    is_near: bool,
 }
 
 /// The last state of a stored run, to start from.
@@ -46,6 +53,30 @@ struct Prepared {
     solution: Solution,
     terminus_x_m: f64,
     steady_force_n_per_m: Option<f64>,
+    attempts: Attempts,
+}
+
+/// Why there is nothing to go on from.
+enum Halt {
+    /// The run has ended.
+    Ended(Box<Ended>),
+    /// The caller said so.
+    Stopped,
+}
+
+impl From<Ended> for Halt {
+    fn from(ended: Ended) -> Self {
+        Self::Ended(Box::new(ended))
+    }
+}
+
+/// What one attempt at a transient came to.
+enum Marched {
+    Ended(Box<Ended>),
+    /// It failed in a way that another attempt may avoid.
+    Failed(Box<Ended>),
+    /// Broken off, having taken too many steps or being told to.
+    Stopped,
 }
 
 impl Walker {
@@ -78,9 +109,10 @@ impl Walker {
         if let Some(given) = run.shared.given {
             return Some(self.at_rest(given));
         }
-        let prepared = match self.prepared(run, start) {
+        let prepared = match self.prepared(run, start, stop) {
             Ok(prepared) => prepared,
-            Err(ended) => return Some(*ended),
+            Err(Halt::Ended(ended)) => return Some(*ended),
+            Err(Halt::Stopped) => return None,
         };
         if let Some(steps) = &run.shared.steps {
             return self.transient(run, steps, prepared, stop);
@@ -89,7 +121,7 @@ impl Walker {
             Regime::Steady => "steady state, picked by the limit of the smoothed rheology",
             _ => "velocity, fluidity and friction solved at the given geometry",
         };
-        let mut ended = solved(prepared.solution, detail);
+        let mut ended = solved(prepared.solution, detail).after(&prepared.attempts);
         ended.terminus_x_m = prepared.terminus_x_m;
         if run.shared.grid_error {
             let own = ended.state.as_ref().expect("a solution has a state");
@@ -117,28 +149,65 @@ impl Walker {
         }
     }
 
+    /// The run's steady state, from its neighbour's answer; where that fails, by continuation from the
+    /// nearest that is remembered. (A solve that is given a neighbour ends with one that is not, so that
+    /// the same without it would be no other attempt.)
+    fn steady(
+        &mut self,
+        run: &RunSpec,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(Solution, Attempts), Halt> {
+        let Self { solver, found, is_near } = self;
+        let solver = solver.as_mut().expect("a run has turned the solver to its model");
+        let was_near = std::mem::take(is_near);
+        let mut attempts = Attempts::default();
+        let verdict = match solver.steady(found.newest().filter(|_| was_near)) {
+            Ok(verdict) => verdict,
+            Err(e) => {
+                let has_a_way = another_may_help(&e) && found.nearest(&run.model).is_some();
+                let way = if has_a_way { continued(solver, found, &run.model, stop) } else { None };
+                let how = "by continuation from a neighbour";
+                match way {
+                    Some((verdict, steps)) => {
+                        attempts.led(format!("{how} {}", in_steps(steps)));
+                        verdict
+                    }
+                    None if has_a_way && stop() => return Err(Halt::Stopped),
+                    None => {
+                        if has_a_way {
+                            attempts.in_vain(how.into());
+                        }
+                        return Err(failure(&e).after(&attempts).into());
+                    }
+                }
+            }
+        };
+        match verdict {
+            SteadyVerdict::Converged { solution, trail } => {
+                found.remember(run.model.clone(), trail);
+                *is_near = true;
+                Ok((solution, attempts))
+            }
+            other => {
+                *is_near = was_near;
+                Err(verdict_of(other).after(&attempts).into())
+            }
+        }
+    }
+
     /// The steady or diagnostic solution that is the run's result or its start; its end if there is none.
     fn prepared(
         &mut self,
         run: &RunSpec,
         start: Result<&StoredStart, &str>,
-    ) -> Result<Prepared, Box<Ended>> {
-        let failed = |detail: String| Box::new(Ended::verdict(Status::Failed, detail));
-        let gave_up = |e: SolveError| Box::new(failure(&e));
-        let steady = if run.needs_steady_state() {
-            let near = self.near.take();
-            match self.solver().steady(near.as_ref()).map_err(gave_up)? {
-                SteadyVerdict::Converged { solution, trail } => {
-                    self.near = Some(trail);
-                    Some(solution)
-                }
-                other => {
-                    self.near = near;
-                    return Err(Box::new(verdict(other)));
-                }
-            }
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Prepared, Halt> {
+        let failed = |detail: String| Halt::from(Ended::verdict(Status::Failed, detail));
+        let (steady, mut attempts) = if run.needs_steady_state() {
+            let (solution, attempts) = self.steady(run, stop)?;
+            (Some(solution), attempts)
         } else {
-            None
+            (None, Attempts::default())
         };
         let steady_force_n_per_m = steady.as_ref().map(|s| force::force_n_per_m(&s.state));
         // A start that is no steady state is that of the parameters in force at t = 0.
@@ -158,18 +227,41 @@ impl Walker {
                 (steady.state.thickness_m, steady.state.length_m, 0.0)
             }
             (_, Some(solution)) => {
-                return Ok(Prepared { solution, terminus_x_m: 0.0, steady_force_n_per_m });
+                return Ok(Prepared {
+                    solution,
+                    terminus_x_m: 0.0,
+                    steady_force_n_per_m,
+                    attempts,
+                });
             }
             (_, None) => return Err(failed("the run has neither regime nor start".into())),
         };
         let geometry = Geometry { thickness_m: &thickness_m, length_m, terminus_x_m };
         self.solver().retarget(at_the_start);
-        let solution = self.solver().diagnostic_in(geometry);
+        let solution = match self.solver().diagnostic_in(geometry) {
+            Err(e) if another_may_help(&e) => {
+                let how = "by way of other geometries";
+                match by_way_of_a_wedge(self.solver(), geometry, stop) {
+                    Some((solution, steps)) => {
+                        attempts.led(format!("{how} {}", in_steps(steps)));
+                        Ok(solution)
+                    }
+                    None if stop() => return Err(Halt::Stopped),
+                    None => {
+                        attempts.in_vain(how.into());
+                        Err(e)
+                    }
+                }
+            }
+            solution => solution,
+        };
         self.solver().retarget(run.model.clone());
-        let solution = solution.map_err(gave_up)?;
-        Ok(Prepared { solution, terminus_x_m, steady_force_n_per_m })
+        let solution = solution.map_err(|e| Halt::from(failure(&e).after(&attempts)))?;
+        Ok(Prepared { solution, terminus_x_m, steady_force_n_per_m, attempts })
     }
 
+    /// The run's transient; where steps of controlled error fail, again with more accurate ones. (Steps of
+    /// one length divide themselves, and others than those asked for would be another scheme.)
     fn transient(
         &mut self,
         run: &RunSpec,
@@ -186,27 +278,71 @@ impl Walker {
                 Some(CalvingLaw::steady_feedback(rate, force))
             }
         };
-        let plan = Plan {
+        let mut plan = Plan {
             stepping: steps.stepping.clone(),
             forcing: run.shared.forcing.clone(),
             calving_law,
             is_lagged: run.shared.is_lagged,
             terminus_x_m: start.terminus_x_m,
         };
+        let Prepared { solution, mut attempts, .. } = start;
+        let mut failed = match self.march(run, steps, &solution, &plan, stop) {
+            Marched::Ended(ended) => return Some(ended.after(&attempts)),
+            Marched::Failed(failed) => failed,
+            Marched::Stopped => return None,
+        };
+        if let Stepping::Controlled { tolerance: asked_for, .. } = steps.stepping {
+            for share in FINER {
+                let finer = share * asked_for;
+                if let Stepping::Controlled { tolerance, .. } = &mut plan.stepping {
+                    *tolerance = finer;
+                }
+                let how = format!("with steps of tolerance {finer:.1e}");
+                let taken = Cell::new(0);
+                let is_over = || {
+                    taken.set(taken.get() + 1);
+                    taken.get() > FINER_STEPS || stop()
+                };
+                match self.march(run, steps, &solution, &plan, &is_over) {
+                    Marched::Ended(ended) => {
+                        attempts.led(how);
+                        return Some(ended.after(&attempts));
+                    }
+                    Marched::Failed(again) => failed = again,
+                    Marched::Stopped if stop() => return None,
+                    Marched::Stopped => {}
+                }
+                attempts.in_vain(how);
+            }
+        }
+        Some(failed.after(&attempts))
+    }
+
+    /// One attempt at a transient.
+    fn march(
+        &mut self,
+        run: &RunSpec,
+        steps: &Steps,
+        start: &Solution,
+        plan: &Plan,
+        stop: &dyn Fn() -> bool,
+    ) -> Marched {
         let mut recorder = Recorder::new(steps, &run.model, stop);
-        let spent = start.solution.iterations;
-        let ended = self.solver().transient(start.solution.state, &plan, &mut recorder);
+        let spent = start.iterations;
+        let ended = self.solver().transient(start.state.clone(), plan, &mut recorder);
         let end = match ended {
             Ok(end) => end,
-            Err(SolveError::Stopped { .. }) => return None,
+            Err(SolveError::Stopped { .. }) => return Marched::Stopped,
             Err(e) => {
                 let reached_a = recorder.record.series.time_a.last().copied().unwrap_or(0.0);
                 let failed = failure(&e);
-                return Some(Ended {
+                let ended = Box::new(Ended {
                     detail: format!("{} (last stored time {reached_a} a)", failed.detail),
                     transient: Some((reached_a, recorder.record)),
                     ..failed
                 });
+                let is_last = !another_may_help(&e);
+                return if is_last { Marched::Ended(ended) } else { Marched::Failed(ended) };
             }
         };
         recorder.close(&Moment {
@@ -219,7 +355,7 @@ impl Walker {
             state: &end.state,
         });
         let (status, what) = ending(&end);
-        Some(Ended {
+        Marched::Ended(Box::new(Ended {
             status,
             detail: format!("{what} at t = {} a{}", end.time_a, remarks(&end)),
             iterations: spent + end.iterations,
@@ -229,7 +365,16 @@ impl Walker {
             terminus_x_m: end.terminus_x_m,
             transient: Some((end.time_a, recorder.record)),
             ..Ended::verdict(status, String::new())
-        })
+        }))
+    }
+}
+
+impl Ended {
+    /// The same, with the attempts it took.
+    fn after(mut self, attempts: &Attempts) -> Self {
+        self.attempts = attempts.made;
+        self.detail += &attempts.told(self.status == Status::Failed);
+        self
     }
 }
 
@@ -249,16 +394,18 @@ fn failure(e: &SolveError) -> Ended {
     const TOLD: usize = 5;
     let mut detail = e.to_string();
     let mut iterations = 0;
+    let mut residual_history = None;
     if let SolveError::NotConverged { iterations: spent, history, .. } = e {
         iterations = *spent;
+        residual_history = Some(history.clone());
         let last = history.iter().skip(history.len().saturating_sub(TOLD));
         let told: Vec<String> = last.map(|r| format!("{r:.2e}")).collect();
         detail += &format!("; last residual norms {}", told.join(", "));
     }
-    Ended { iterations, ..Ended::verdict(Status::Failed, detail) }
+    Ended { iterations, residual_history, ..Ended::verdict(Status::Failed, detail) }
 }
 
-fn verdict(verdict: SteadyVerdict) -> Ended {
+fn verdict_of(verdict: SteadyVerdict) -> Ended {
     let (status, evidence) = match verdict {
         SteadyVerdict::NoSteadyState(evidence) => (Status::NoSteadyState, evidence),
         SteadyVerdict::Overthick(evidence) => (Status::Overthick, evidence),
@@ -292,3 +439,6 @@ fn remarks(end: &TransientEnd) -> String {
     }
     remarks
 }
+
+#[cfg(test)]
+mod tests;

@@ -145,6 +145,33 @@ fn a_trough_thinner_than_its_icebergs_is_no_steady_state() {
     }
 }
 
+/// A wide fjord in which every march breaks up where steps no longer have a solution, well above what counts
+/// as collapsed.
+#[test]
+fn a_mélange_whose_marches_break_up_has_no_steady_state() {
+    let widths = vec![11_279.5, 16_797.6, 13_110.2, 16_063.7, 17_334.7];
+    let widths = Monotone::new(vec![0.0, 1e4, 2e4, 3e4, 4e4], widths).expect("a table");
+    let p = Parameters {
+        calving_rate_m_per_a: 4179.1,
+        terminus_velocity_m_per_a: 4179.1,
+        terminus_thickness_m: 343.5,
+        melt_rate_m_per_day: 0.20796,
+        d_m: 36.949,
+        b: 8150.8,
+        A: 1.1088,
+        mu_s: 0.3294,
+        n_cells: 74,
+        ..Parameters::default()
+    };
+    let m = Model::new(p, UpstreamClosure::NoStretching).expect("parameters in range");
+    let m = m
+        .in_fjord(Fjord::table(widths, Beyond::Constant).expect("widths"))
+        .with_melt_shape(MeltShape::named("linear").expect("a name"));
+    let verdict = verdict(m);
+    let SteadyVerdict::NoSteadyState(evidence) = &verdict else { panic!("{verdict:?}") };
+    assert!(evidence.contains("breaks up"), "{evidence}");
+}
+
 /// Base case but for one value each: g_loc without bound when rounded in μ, and friction that vanishes.
 #[test]
 fn extreme_rheologies_end_in_a_verdict() {

@@ -125,7 +125,13 @@ fn bad_input_is_refused_with_field_value_and_range() {
         (r#"{"parameters":{}}"#, "regime", "missing"),
         (r#"{"regime":"steady","parametres":{}}"#, "parametres", "unknown field"),
         (r#"{"regime":"branch"}"#, "regime", "not there yet"),
-        (r#"{"regime":"steady","sample":{}}"#, "sample", "not there yet"),
+        (r#"{"regime":"steady","sample":{}}"#, "sample", "method"),
+        (r#"{"regime":"steady","tags":["a"]}"#, "tags", "belongs to a sweep"),
+        (
+            r#"{"regime":"steady","table":{"columns":["b"],"rows":[[1e4],["x"]]}}"#,
+            "table.rows[1][0]",
+            "in row 2, column `b`",
+        ),
         (r#"{"regime":"steady","fjord":{"x_m":[0]}}"#, "fjord", "width_m"),
         (
             r#"{"regime":"steady","fjord":{"x_m":[0,1e4],"width_m":[4e3,5]}}"#,
@@ -338,10 +344,15 @@ fn a_sweep_is_solved_into_a_data_directory_that_one_process_holds() {
     let server = melange_tests::Server::start("serve", folder.path(), &[]);
     let id = answer["id"].as_str().expect("an id");
     assert_eq!(server.json(&format!("/api/v1/sweeps/{id}"))["state"], "complete");
-    let second = melange(&["sweep", "-", "--data", data], &melt_sweep(3).to_string());
+    // A second service is refused; a sweep is solved by the one that is there.
+    let second = melange(&["serve", "--listen", "127.0.0.1:0", "--data", data], "");
     assert_eq!(second.status.code(), Some(2));
     let message = String::from_utf8_lossy(&second.stderr).into_owned();
     assert!(message.contains("in use") && message.contains(&server.address), "{message}");
+    let output = melange(&["sweep", "-", "--data", data], &melt_sweep(3).to_string());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((&answer["counts"]["converged"], &answer["reused"]), (&json!(3), &json!(3)));
     assert!(server.terminate(), "it ends well when asked to");
 }
 

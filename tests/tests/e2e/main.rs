@@ -3,12 +3,15 @@
 mod architecture;
 mod browser;
 mod command_line;
+mod engine;
 mod faults;
 mod reproduction;
 mod rest;
 mod scenarios;
 mod soak;
+mod storage;
 mod tables;
+mod verbs;
 
 use serde_json::{Value, json};
 

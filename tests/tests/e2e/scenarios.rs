@@ -275,7 +275,7 @@ fn every_example_is_solved() {
     for (i, entry) in examples.enumerate() {
         let path = entry.expect("an example").path();
         let file = path.to_str().expect("UTF-8");
-        let is_sweep = std::fs::read_to_string(&path).expect("text").contains("[[axes]]");
+        let is_sweep = std::fs::read_to_string(&path).expect("text").contains("\nname = ");
         let data = folder.path().join(i.to_string());
         let data = data.to_str().expect("UTF-8");
         let output = if is_sweep {

@@ -36,3 +36,23 @@ fn the_report_does_not_depend_on_threads() {
     });
     assert_eq!(reports[0], reports[1]);
 }
+
+#[test]
+fn the_service_is_measured_beside_the_bare_solver() {
+    let small = ["--pairs", "1", "--runs-per-side", "8", "--transients", "4"];
+    let arguments = [&["soak", "throughput", "--format", "json"], &small[..]].concat();
+    let output = melange(&arguments, "");
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(report["runs"], 64);
+    for side in report["sides"].as_array().expect("sides") {
+        for times in ["service_processor", "bare_processor", "bare"] {
+            assert!(side[times][0].as_f64() > Some(0.0), "{side}");
+        }
+        assert!(side["service"][0]["solved"].as_f64() > Some(0.0), "{side}");
+    }
+    assert!(report["watched"]["health"]["count"].as_u64() > Some(0), "{report}");
+    assert!(report["peak_bytes"].as_u64() > Some(1 << 20), "{report}");
+    assert_eq!(report["transients"]["runs"], 4);
+    assert!(report["transients"]["bytes"]["series"].as_u64() > Some(0), "{report}");
+}

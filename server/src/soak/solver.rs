@@ -1,7 +1,8 @@
-//! Soak: steady states of parameters drawn at random, and marches in time against verdicts that there
+//! Steady states of parameters drawn at random, and marches in time against verdicts that there
 //! is none. What fails, breaks off, is not finite or contradicts is told. Knows the solver, no file, no
 //! queue and no transport.
 
+use super::Numbers;
 use melange_solver::error::SolveError;
 use melange_solver::observe::Moment;
 use melange_solver::params::{ParameterError, Parameters};
@@ -202,22 +203,7 @@ pub fn run(request: Request) -> Report {
     report
 }
 
-/// Numbers in [0, 1) that depend on seed and index alone: BLAKE3's output, 53 bits at a time.
-struct Numbers(blake3::OutputReader);
-
 impl Numbers {
-    fn new(seed: u64, index: u64) -> Self {
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&seed.to_le_bytes()).update(&index.to_le_bytes());
-        Self(hasher.finalize_xof())
-    }
-
-    fn next(&mut self) -> f64 {
-        let mut bytes = [0; 8];
-        self.0.fill(&mut bytes);
-        (u64::from_le_bytes(bytes) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
     /// Rounded to six digits, so that a scenario is short and does not hang on a machine's logarithm.
     fn between(&mut self, low: f64, high: f64, spread: Spread) -> f64 {
         let share = self.next();

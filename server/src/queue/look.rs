@@ -1,0 +1,233 @@
+//! Looking at sweeps: counts, lists, pace.
+
+use super::now_ms;
+use crate::domain::run::RunSpec;
+use crate::domain::status::{Counts, Phase, SweepState};
+use crate::store::Connection;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite};
+use std::collections::HashMap;
+
+/// A sweep as the queue knows it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SweepRow {
+    /// Number, for other tables.
+    pub number: i64,
+    /// Id, ascending in time.
+    pub id: String,
+    /// Name, for people.
+    pub name: String,
+    /// The document as JSON; in lists without long lists of its own.
+    pub document: String,
+    /// Whether `document` leaves something out.
+    pub is_cut: bool,
+    /// Parameters that vary, with commas between.
+    pub axis_names: String,
+    /// When it was submitted, RFC 3339 in UTC.
+    pub created_at: String,
+    /// Higher ones go first.
+    pub priority: i64,
+    /// Words to find it by.
+    pub tags: Vec<String>,
+    /// Whether its runs are solved although they are known.
+    pub is_forced: bool,
+    /// Runs taken over from other sweeps so far.
+    pub reused: i64,
+    /// What it waits for.
+    pub phase: Phase,
+    /// Its runs by state.
+    pub counts: Counts,
+}
+
+impl SweepRow {
+    /// The parameters that vary.
+    pub fn axes(&self) -> Vec<&str> {
+        self.axis_names.split(',').filter(|name| !name.is_empty()).collect()
+    }
+
+    /// The state that users see.
+    pub fn state(&self) -> SweepState {
+        self.phase.state(&self.counts)
+    }
+}
+
+/// Which sweeps a list holds.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Which<'a> {
+    /// Those with this tag.
+    pub tag: Option<&'a str>,
+    /// At most so many.
+    pub limit: i64,
+    /// After so many.
+    pub offset: i64,
+}
+
+/// How fast a sweep goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pace {
+    /// Runs that ended per second, lately.
+    pub runs_per_s: f64,
+    /// Seconds until the rest has ended, at this rate.
+    pub seconds_left: f64,
+}
+
+/// Period whose chunks tell the pace, ms.
+const LATELY_MS: i64 = 10_000;
+/// Seconds per cell of a steady or diagnostic run, and per cell and step of a transient, until
+/// measured.
+const FIRST_GUESS_SECONDS: [f64; 2] = [1e-5, 2e-6];
+
+/// Seconds per unit of work (see [`RunSpec::work`]) of runs like this one: measured, or a guess.
+pub async fn seconds_per_unit(connection: &mut Connection, run: &RunSpec) -> sqlx::Result<f64> {
+    let measured: Option<f64> =
+        sqlx::query_scalar("SELECT seconds_per_unit FROM measured_rates WHERE regime = $1")
+            .bind(run.shared.regime.name())
+            .fetch_optional(connection)
+            .await?;
+    let guess = FIRST_GUESS_SECONDS[usize::from(run.shared.steps.is_some())];
+    Ok(measured.filter(|s| *s > 0.0).unwrap_or(guess))
+}
+
+/// A sweep by id, with its whole document.
+pub async fn sweep(connection: &mut Connection, id: &str) -> sqlx::Result<Option<SweepRow>> {
+    let rows = sqlx::query(
+        "SELECT s.sweep, id, name, document, 0 AS is_cut, axis_names, created_at, priority, is_forced, \
+         reused, phase, total FROM sweeps s JOIN documents d ON d.sweep = s.sweep \
+         WHERE id = $1 AND phase <> 'deleted'",
+    )
+    .bind(id)
+    .fetch_all(&mut *connection)
+    .await?;
+    Ok(with_counts(connection, &rows).await?.pop())
+}
+
+/// A sweep by id for whoever does not need its whole document, which may be long.
+pub async fn sweep_in_brief(
+    connection: &mut Connection,
+    id: &str,
+) -> sqlx::Result<Option<SweepRow>> {
+    let rows = sqlx::query(
+        "SELECT s.sweep, id, name, COALESCE(summary, document) AS document, summary IS NOT NULL AS is_cut, \
+         axis_names, created_at, priority, is_forced, reused, phase, total \
+         FROM sweeps s JOIN documents d ON d.sweep = s.sweep WHERE id = $1 AND phase <> 'deleted'",
+    )
+    .bind(id)
+    .fetch_all(&mut *connection)
+    .await?;
+    Ok(with_counts(connection, &rows).await?.pop())
+}
+
+/// Sweeps from the newest to the oldest, and how many there are.
+pub async fn sweeps(
+    connection: &mut Connection,
+    which: Which<'_>,
+) -> sqlx::Result<(Vec<SweepRow>, i64)> {
+    let filtered = |query: &mut QueryBuilder<Sqlite>| {
+        query.push(
+            " FROM sweeps s JOIN documents d ON d.sweep = s.sweep WHERE s.phase <> 'deleted'",
+        );
+        if let Some(tag) = which.tag {
+            query.push(" AND EXISTS (SELECT 1 FROM tags t WHERE t.sweep = s.sweep AND t.tag = ");
+            query.push_bind(tag.to_owned()).push(")");
+        }
+    };
+    let mut query = QueryBuilder::new(
+        "SELECT s.sweep, id, name, COALESCE(summary, document) AS document, \
+         summary IS NOT NULL AS is_cut, axis_names, created_at, priority, is_forced, reused, phase, total",
+    );
+    filtered(&mut query);
+    query.push(" ORDER BY s.sweep DESC LIMIT ").push_bind(which.limit);
+    query.push(" OFFSET ").push_bind(which.offset);
+    let rows = query.build().fetch_all(&mut *connection).await?;
+    let sweeps = with_counts(connection, &rows).await?;
+    let mut count = QueryBuilder::new("SELECT COUNT(*)");
+    filtered(&mut count);
+    let total = count.build_query_scalar().fetch_one(connection).await?;
+    Ok((sweeps, total))
+}
+
+async fn with_counts(
+    connection: &mut Connection,
+    rows: &[SqliteRow],
+) -> sqlx::Result<Vec<SweepRow>> {
+    if rows.is_empty() {
+        return Ok(Vec::new());
+    }
+    let numbers: Vec<i64> = rows.iter().map(|row| row.get("sweep")).collect();
+    let of_these = |sql: &str| {
+        let mut query = QueryBuilder::<Sqlite>::new(sql);
+        query.push(" WHERE sweep IN (");
+        let mut list = query.separated(", ");
+        numbers.iter().for_each(|n| {
+            list.push_bind(*n);
+        });
+        query.push(")");
+        query
+    };
+    let mut counts: HashMap<i64, Counts> = HashMap::new();
+    let mut query = of_these("SELECT sweep, status, runs FROM tallies");
+    for row in query.build().fetch_all(&mut *connection).await? {
+        let counts = counts.entry(row.get("sweep")).or_default();
+        if !counts.add_named(row.get("status"), row.get("runs")) {
+            tracing::error!(status = row.get::<&str, _>("status"), "a count of an unknown state");
+        }
+    }
+    let mut tags: HashMap<i64, Vec<String>> = HashMap::new();
+    let mut query = of_these("SELECT sweep, tag FROM tags");
+    query.push(" ORDER BY tag");
+    for row in query.build().fetch_all(connection).await? {
+        tags.entry(row.get("sweep")).or_default().push(row.get("tag"));
+    }
+    let sweep = |row: &SqliteRow| {
+        let number = row.get("sweep");
+        SweepRow {
+            number,
+            id: row.get("id"),
+            name: row.get("name"),
+            document: row.get("document"),
+            is_cut: row.get::<i64, _>("is_cut") != 0,
+            axis_names: row.get("axis_names"),
+            created_at: row.get("created_at"),
+            priority: row.get("priority"),
+            tags: tags.remove(&number).unwrap_or_default(),
+            is_forced: row.get::<i64, _>("is_forced") != 0,
+            reused: row.get("reused"),
+            phase: Phase::from_name(row.get("phase")).unwrap_or(Phase::Open),
+            counts: Counts {
+                total: row.get("total"),
+                ..counts.remove(&number).unwrap_or_default()
+            },
+        }
+    };
+    Ok(rows.iter().map(sweep).collect())
+}
+
+/// How fast a sweep goes; none if nothing of it ended lately.
+pub async fn pace(connection: &mut Connection, sweep: &SweepRow) -> sqlx::Result<Option<Pace>> {
+    let now = now_ms();
+    let row = sqlx::query(
+        "SELECT COALESCE(SUM(run_count), 0) AS runs, COALESCE(MIN(ended_ms), 0) AS first, COUNT(*) AS chunks \
+         FROM chunks WHERE sweep = $1 AND ended_ms > $2 AND state = 'done'",
+    )
+    .bind(sweep.number)
+    .bind(now - LATELY_MS)
+    .fetch_one(connection)
+    .await?;
+    let (runs, first, chunks): (i64, i64, i64) =
+        (row.get("runs"), row.get("first"), row.get("chunks"));
+    if chunks < 2 || now <= first {
+        return Ok(None);
+    }
+    // The first chunk ended at the beginning of the period, so its runs do not count.
+    let runs = runs as f64 * (chunks - 1) as f64 / chunks as f64;
+    let runs_per_s = runs / ((now - first) as f64 / 1e3);
+    let left = sweep.counts.queued + sweep.counts.running;
+    Ok(Some(Pace { runs_per_s, seconds_left: left as f64 / runs_per_s }))
+}
+
+/// Number of sweeps, asked for to see that the database answers.
+pub async fn health(connection: &mut Connection) -> sqlx::Result<i64> {
+    sqlx::query_scalar("SELECT COUNT(*) FROM sweeps WHERE phase <> 'deleted'")
+        .fetch_one(connection)
+        .await
+}

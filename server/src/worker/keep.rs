@@ -1,0 +1,158 @@
+//! Storing a solved chunk: its files, then the one transaction that lists them. What is solved is not thrown
+//! away because a disk is full: it is tried again until it is stored, the lease is lost or the process ends.
+
+use super::chunk::Work;
+use super::claims::Claim;
+use super::{AFTER_TROUBLE, Workers};
+use crate::archive::files::Encoded;
+use crate::archive::{SolvedRun, catalogue, files};
+use crate::domain::sweep::SweepSpec;
+use crate::faults::Step;
+use crate::queue::{self, Lease, LeaseLost};
+use crate::store::Connection;
+use std::sync::Arc;
+use std::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+/// What came of a chunk's work.
+pub struct Done {
+    /// Solved, by ascending index, each id once.
+    pub solved: Vec<SolvedRun>,
+    /// Known before, or solved under another index of this chunk.
+    pub known: Work,
+    /// Time that a unit of work took; none if nothing was solved.
+    pub seconds_per_unit: Option<f64>,
+    /// The tables of the solved runs; none if there are none.
+    pub tables: Vec<Encoded>,
+}
+
+/// Runs that were known have been deleted since.
+#[derive(Debug, thiserror::Error)]
+#[error("runs that were known have been deleted meanwhile; the chunk is solved again")]
+struct Gone;
+
+impl Workers {
+    /// Stores a solved chunk.
+    pub(super) async fn keep(
+        &self,
+        lease: &Lease,
+        sweep: &SweepSpec,
+        mut done: Done,
+        claim: Claim,
+        stop: &CancellationToken,
+    ) -> anyhow::Result<()> {
+        let _claim = claim;
+        let tables = Arc::new(std::mem::take(&mut done.tables));
+        loop {
+            let Err(error) = self.store_once(lease, sweep, &done, &tables).await else {
+                return Ok(());
+            };
+            let is_vain = error.is::<LeaseLost>() || error.is::<Gone>();
+            if is_vain || stop.is_cancelled() {
+                return Err(error);
+            }
+            tracing::error!(
+                sweep = lease.sweep_id,
+                chunk = lease.chunk,
+                "cannot store it, and tries again: {error:#}"
+            );
+            tokio::select! {
+                () = stop.cancelled() => return Err(error),
+                () = tokio::time::sleep(AFTER_TROUBLE) => {}
+            }
+        }
+    }
+
+    async fn store_once(
+        &self,
+        lease: &Lease,
+        sweep: &SweepSpec,
+        done: &Done,
+        tables: &Arc<Vec<Encoded>>,
+    ) -> anyhow::Result<()> {
+        let begin = Instant::now();
+        // A chunk whose runs are all known has no files of its own.
+        let written = if tables.is_empty() {
+            Vec::new()
+        } else {
+            let (archive, tables) = (self.store.archive(), tables.clone());
+            let (held, faults) = (lease.clone(), self.faults.clone());
+            tokio::task::spawn_blocking(move || {
+                let Lease { sweep_id, chunk, token, .. } = &held;
+                files::write_chunk(&archive, sweep_id, *chunk, token, &tables, &faults)
+            })
+            .await??
+        };
+        let write_ms = begin.elapsed().as_millis();
+        let stored = self.commit(lease, sweep, &written, done).await;
+        tracing::debug!(
+            sweep = lease.sweep_id,
+            chunk = lease.chunk,
+            runs = lease.run_count,
+            write_ms,
+            commit_ms = begin.elapsed().as_millis() - write_ms,
+            "chunk"
+        );
+        let Err((error, is_certain)) = stored else { return Ok(()) };
+        // A commit that failed may have happened: then the lease is gone, and what is listed stays.
+        let is_nothing_stored = is_certain || self.still_holds(lease).await?;
+        if is_nothing_stored {
+            files::remove(&self.store.archive(), written.iter().map(|w| w.path.as_str()));
+            return Err(error);
+        }
+        Ok(())
+    }
+
+    /// Whether a commit that failed did not happen: with it, the lease would be gone.
+    async fn still_holds(&self, lease: &Lease) -> sqlx::Result<bool> {
+        // A full disk still lets read.
+        queue::holds(&mut *self.store.read().await?, lease).await
+    }
+
+    /// The one transaction of a chunk: its end, its files, its runs. An error tells whether it is certain
+    /// that nothing was committed.
+    async fn commit(
+        &self,
+        lease: &Lease,
+        sweep: &SweepSpec,
+        written: &[files::Written],
+        done: &Done,
+    ) -> Result<(), (anyhow::Error, bool)> {
+        let nothing = |error: anyhow::Error| (error, true);
+        let mut tx = self.store.write().await.map_err(|e| nothing(e.into()))?;
+        self.add(&mut tx, lease, sweep, written, done).await.map_err(nothing)?;
+        self.faults.pass(Step::InTransaction);
+        // A commit that fails may have happened.
+        tx.commit().await.map_err(|e| (e.into(), false))?;
+        self.faults.pass(Step::AfterCommit);
+        Ok(())
+    }
+
+    async fn add(
+        &self,
+        tx: &mut Connection,
+        lease: &Lease,
+        sweep: &SweepSpec,
+        written: &[files::Written],
+        done: &Done,
+    ) -> anyhow::Result<()> {
+        let Lease { sweep: number, chunk, .. } = *lease;
+        let axes = sweep.varied();
+        catalogue::insert(tx, number, chunk, &axes, written, &done.solved).await?;
+        let known: Vec<(usize, &str)> =
+            done.known.iter().map(|(i, id)| (*i, id.as_str())).collect();
+        let adopted = catalogue::adopt(tx, number, chunk, &axes, &known).await?;
+        if adopted.len() < known.len() {
+            return Err(Gone.into());
+        }
+        let statuses = done.solved.iter().map(|run| run.outcome.status);
+        let statuses = statuses.chain(adopted.iter().map(|run| run.status));
+        let reused = adopted.iter().filter(|run| !run.is_own).count();
+        queue::finish(tx, lease, statuses, reused).await??;
+        if let Some(seconds_per_unit) = done.seconds_per_unit {
+            let regime = sweep.run(lease.first_run).shared.regime.name();
+            queue::measured(tx, regime, seconds_per_unit).await?;
+        }
+        Ok(())
+    }
+}
