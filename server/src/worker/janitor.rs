@@ -59,11 +59,12 @@ async fn tidy(
     }
     let waiting = catalogue::waiting_for_compaction(&mut *store.read().await?).await?;
     let mut trouble = Ok(());
-    for (sweep, id) in
-        waiting.into_iter().filter(|(sweep, _)| !given_up.contains(sweep)).collect::<Vec<_>>()
-    {
+    for (sweep, id) in waiting {
         if stop.is_cancelled() {
             break;
+        }
+        if given_up.contains(&sweep) {
+            continue;
         }
         match compact::compact(store, sweep, &id).await {
             Ok(0) => {}
