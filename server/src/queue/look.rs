@@ -88,17 +88,18 @@ pub async fn seconds_per_unit(connection: &mut Connection, run: &RunSpec) -> sql
     Ok(measured.filter(|s| *s > 0.0).unwrap_or(guess))
 }
 
+/// A sweep's columns: the whole document, or what is left of a long one in brief; then the rest, of sweeps
+/// that are not deleted.
+const WHOLE: &str = "SELECT s.sweep, id, name, document, 0 AS is_cut";
+const BRIEF: &str = "SELECT s.sweep, id, name, COALESCE(summary, document) AS document, \
+                     summary IS NOT NULL AS is_cut";
+const COLUMNS: &str = ", axis_names, created_at, priority, is_forced, reused, phase, total";
+const SWEEPS: &str =
+    " FROM sweeps s JOIN documents d ON d.sweep = s.sweep WHERE s.phase <> 'deleted'";
+
 /// A sweep by id, with its whole document.
 pub async fn sweep(connection: &mut Connection, id: &str) -> sqlx::Result<Option<SweepRow>> {
-    let rows = sqlx::query(
-        "SELECT s.sweep, id, name, document, 0 AS is_cut, axis_names, created_at, priority, is_forced, \
-         reused, phase, total FROM sweeps s JOIN documents d ON d.sweep = s.sweep \
-         WHERE id = $1 AND phase <> 'deleted'",
-    )
-    .bind(id)
-    .fetch_all(&mut *connection)
-    .await?;
-    Ok(with_counts(connection, &rows).await?.pop())
+    by_id(connection, WHOLE, id).await
 }
 
 /// A sweep by id for whoever does not need its whole document, which may be long.
@@ -106,14 +107,17 @@ pub async fn sweep_in_brief(
     connection: &mut Connection,
     id: &str,
 ) -> sqlx::Result<Option<SweepRow>> {
-    let rows = sqlx::query(
-        "SELECT s.sweep, id, name, COALESCE(summary, document) AS document, summary IS NOT NULL AS is_cut, \
-         axis_names, created_at, priority, is_forced, reused, phase, total \
-         FROM sweeps s JOIN documents d ON d.sweep = s.sweep WHERE id = $1 AND phase <> 'deleted'",
-    )
-    .bind(id)
-    .fetch_all(&mut *connection)
-    .await?;
+    by_id(connection, BRIEF, id).await
+}
+
+async fn by_id(
+    connection: &mut Connection,
+    document: &str,
+    id: &str,
+) -> sqlx::Result<Option<SweepRow>> {
+    let mut query = QueryBuilder::<Sqlite>::new(document);
+    query.push(COLUMNS).push(SWEEPS).push(" AND id = ").push_bind(id);
+    let rows = query.build().fetch_all(&mut *connection).await?;
     Ok(with_counts(connection, &rows).await?.pop())
 }
 
@@ -123,18 +127,14 @@ pub async fn sweeps(
     which: Which<'_>,
 ) -> sqlx::Result<(Vec<SweepRow>, i64)> {
     let filtered = |query: &mut QueryBuilder<Sqlite>| {
-        query.push(
-            " FROM sweeps s JOIN documents d ON d.sweep = s.sweep WHERE s.phase <> 'deleted'",
-        );
+        query.push(SWEEPS);
         if let Some(tag) = which.tag {
             query.push(" AND EXISTS (SELECT 1 FROM tags t WHERE t.sweep = s.sweep AND t.tag = ");
             query.push_bind(tag.to_owned()).push(")");
         }
     };
-    let mut query = QueryBuilder::new(
-        "SELECT s.sweep, id, name, COALESCE(summary, document) AS document, \
-         summary IS NOT NULL AS is_cut, axis_names, created_at, priority, is_forced, reused, phase, total",
-    );
+    let mut query = QueryBuilder::new(BRIEF);
+    query.push(COLUMNS);
     filtered(&mut query);
     query.push(" ORDER BY s.sweep DESC LIMIT ").push_bind(which.limit);
     query.push(" OFFSET ").push_bind(which.offset);

@@ -9,15 +9,15 @@ use crate::domain::document::Document;
 use crate::domain::status::Status;
 use crate::domain::sweep::{Limits, SweepSpec};
 use crate::worker::NICENESS;
-use crate::worker::solve::Walker;
+use crate::worker::walk::{Walking, walk};
 use anyhow::{Context, ensure};
 use indicatif::ProgressBar;
-use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -53,10 +53,6 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 const ASK_EVERY: Duration = Duration::from_millis(10);
 /// Longest that a sweep may take.
 const LONGEST: Duration = Duration::from_secs(3600);
-/// Most runs of a chunk of the bare solver, as of the queue.
-const CHUNK_RUNS: usize = 1_000;
-/// Chunks per thread at least, as of the queue.
-const CHUNKS_PER_THREAD: usize = 4;
 /// Transients of one mean.
 const TRANSIENTS_OF_A_MEAN: usize = 20;
 /// Their length and their steps, a.
@@ -294,20 +290,15 @@ fn bare(sweep: &SweepSpec, threads: usize) -> anyhow::Result<f64> {
             rustix::process::nice(NICENESS).ok();
         })
         .build()?;
-    let most = sweep.count().div_ceil(CHUNKS_PER_THREAD * threads).clamp(1, CHUNK_RUNS);
+    let walking = Arc::new(Walking::new(threads));
     let begin = Instant::now();
-    let stretches = sweep.stretches(f64::INFINITY, most);
-    let solved: usize = pool.install(|| {
-        let each = stretches.into_par_iter().with_max_len(1).map(|stretch| {
-            let mut walker = Walker::default();
-            let order = sweep.visiting_order(stretch);
-            let outcomes = order.into_iter().filter_map(|index| {
-                walker.solve(&sweep.run(index), Err("no run starts from another"), &|| false)
-            });
-            outcomes.filter(|outcome| outcome.status == Status::Converged).count()
-        });
-        each.sum()
-    });
+    // One way through the whole sweep: a thread that has nothing to do takes half of what another has left.
+    let order = sweep.visiting_order(0..sweep.count());
+    let way: Vec<(usize, String)> = order.into_iter().map(|index| (index, String::new())).collect();
+    let no_start = Err("no run starts from another");
+    let solved = pool.install(|| walk(sweep, &way, no_start, &walking, &|| false));
+    let runs = solved.context("the bare solver stopped")?.runs;
+    let solved = runs.iter().filter(|run| run.outcome.status == Status::Converged).count();
     let seconds = begin.elapsed().as_secs_f64();
     ensure!(solved == sweep.count(), "the bare solver solved {solved} of {} runs", sweep.count());
     Ok(seconds)

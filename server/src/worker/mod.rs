@@ -9,7 +9,7 @@ pub mod janitor;
 mod keep;
 mod record;
 pub mod solve;
-mod walk;
+pub mod walk;
 
 use crate::archive::{catalogue, files, read};
 use crate::domain::document::Document;

@@ -2,7 +2,7 @@
 //! not depend on chunks or order.
 
 use crate::tables::read;
-use crate::{assert_all_close, assert_close, melt_sweep, number};
+use crate::{assert_all_close, melt_sweep, number};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int64Type};
 use melange_tests::{Server, folder, melange};
@@ -321,40 +321,6 @@ fn results_do_not_depend_on_chunks_or_order() {
             assert_all_close(name, &column(&runs, name), &column(&reference, name), 1e-9);
         }
     }
-}
-
-#[test]
-fn a_directory_of_an_older_version_is_brought_up_to_date() {
-    let folder = folder();
-    let from = melange_tests::root().join("tests/fixtures/data-schema-2");
-    let copied = std::process::Command::new("cp")
-        .args(["-r".as_ref(), from.as_os_str(), folder.path().join("data").as_os_str()])
-        .status();
-    assert!(copied.expect("cp is there").success());
-    let data = folder.path().join("data");
-    let server = Server::start("serve", &data, &[]);
-    let sweeps = server.json("/api/v1/sweeps");
-    assert_eq!(sweeps["total"], 2);
-    let (seasons, melt) = (&sweeps["items"][0], &sweeps["items"][1]);
-    assert_eq!((&seasons["name"], &seasons["state"]), (&json!("seasons"), &json!("complete")));
-    let id = melt["id"].as_str().expect("an id");
-    let runs = runs_of(&server, id, "");
-    assert_eq!(column(&runs, "melt_rate_m_per_day"), json!([0.5, 0.6]));
-    assert_close("F", &runs[0]["force_n_per_m"], &json!(15_593_407.815_390_6), 1e-12);
-    let profile = read(server.get(&format!("/api/v1/sweeps/{id}/profiles.parquet")).body);
-    assert_eq!(profile.iter().map(|b| b.num_rows()).sum::<usize>(), 2);
-    let id = seasons["id"].as_str().expect("an id");
-    let series = read(server.get(&format!("/api/v1/sweeps/{id}/series.parquet")).body);
-    assert_eq!(series.iter().map(|b| b.num_rows()).sum::<usize>(), 6);
-    let run = runs_of(&server, id, "")[0]["run_id"].as_str().expect("an id").to_owned();
-    assert_eq!(server.json(&format!("/api/v1/runs/{run}"))["states"][0]["time_a"], 0.02);
-    // What the older version solved is known.
-    let again = server.post("/api/v1/sweeps", &melt["spec"].to_string()).json();
-    assert_eq!((&again["count"], &again["reused"]), (&json!(2), &json!(2)));
-    server.wait(again["id"].as_str().expect("an id"));
-    assert!(server.terminate());
-    let verified = melange(&["verify", "--data", data.to_str().expect("UTF-8")], "");
-    assert!(verified.status.success(), "{}", String::from_utf8_lossy(&verified.stdout));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What the disk does to the service: full, read-only, files damaged or gone, directories of other versions.
 
+use crate::assert_close;
 use crate::tables::read;
 use melange_tests::{Answer, Disk, Server, assert_counts_add_up, folder, melange, root};
 use serde_json::{Value, json};
@@ -271,6 +272,17 @@ fn a_directory_of_an_older_version_is_brought_up_to_date() {
         let id = sweep["id"].as_str().expect("an id");
         let page = server.json(&format!("/api/v1/sweeps/{id}/runs"));
         assert_eq!(page["total"], runs);
+        let first = &page["items"][0];
+        if name == "melt" {
+            let melts: Vec<&Value> =
+                (0..2).map(|i| &page["items"][i]["melt_rate_m_per_day"]).collect();
+            assert_eq!(melts, [&json!(0.5), &json!(0.6)]);
+            assert_close("F", &first["force_n_per_m"], &json!(15_593_407.815_390_6), 1e-12);
+        } else {
+            let run_id = first["run_id"].as_str().expect("an id");
+            let one = server.json(&format!("/api/v1/runs/{run_id}"));
+            assert_eq!(one["states"][0]["time_a"], 0.02);
+        }
         for run in page["items"].as_array().expect("items") {
             let run_id = run["run_id"].as_str().expect("an id");
             let one = server.json(&format!("/api/v1/runs/{run_id}"));
