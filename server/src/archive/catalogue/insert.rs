@@ -4,11 +4,14 @@ use super::super::SolvedRun;
 use super::super::files::Written;
 use super::{AXES, care};
 use crate::domain::outcome::SCALARS;
-use crate::domain::parameters::PARAMETERS;
+use crate::domain::parameters::{PARAMETERS, ParameterInfo};
 use crate::domain::status::Status;
 use crate::store::Connection;
-use sqlx::{AssertSqlSafe, QueryBuilder, Row, Sqlite};
+use sqlx::error::BoxDynError;
+use sqlx::sqlite::SqliteArguments;
+use sqlx::{Arguments, AssertSqlSafe, QueryBuilder, Row, Sqlite};
 use std::collections::{BTreeMap, HashSet};
+use std::sync::{Arc, LazyLock};
 
 /// Rows per statement; a statement takes 32,766 values.
 const ROWS: usize = 100;
@@ -27,48 +30,90 @@ pub async fn insert(
         care::insert_file(connection, file).await?;
         care::place_in(connection, sweep, chunk, file, 0, file.rows).await?;
     }
-    let axes: Vec<_> = PARAMETERS.iter().filter(|p| axes.contains(&p.name)).collect::<Vec<_>>();
+    let axes: Vec<_> = PARAMETERS.iter().filter(|p| axes.contains(&p.name)).collect();
     for runs in runs.chunks(ROWS) {
-        let mut insert = QueryBuilder::<Sqlite>::new(
-            "INSERT INTO runs (sweep, chunk, home_sweep, home_chunk, run_index, run_id, status, detail, \
-             regime, upstream_closure, root_evidence, validity, grid_convergence, residual_history, \
-             iterations, attempts, axis_1, axis_2, axis_3, axis_4",
-        );
-        insert.push(numbers_by_name()).push(") ");
-        insert.push_values(runs, |mut row, run| {
-            let o = &run.outcome;
-            let history = o.residual_history.as_ref().map(|h| serde_json::json!(h).to_string());
-            row.push_bind(sweep)
-                .push_bind(chunk)
-                .push_bind(sweep)
-                .push_bind(chunk)
-                .push_bind(run.run_index as i64)
-                .push_bind(&run.run_id)
-                .push_bind(o.status.name())
-                .push_bind(&o.detail)
-                .push_bind(&o.regime)
-                .push_bind(&o.upstream_closure)
-                .push_bind(&o.root_evidence)
-                .push_bind(&o.validity)
-                .push_bind(&o.grid_convergence)
-                .push_bind(history)
-                .push_bind(o.iterations as i64)
-                .push_bind(o.attempts as i64);
-            for i in 0..AXES {
-                row.push_bind(axes.get(i).map(|p| (p.get)(&o.parameters.0)));
-            }
-            for p in &PARAMETERS {
-                row.push_bind((p.get)(&o.parameters.0));
-            }
-            for s in SCALARS {
-                row.push_bind((s.get)(&o.scalars));
-            }
-        });
-        insert.build().execute(&mut *connection).await?;
+        let sql = if runs.len() == ROWS { MOST_AT_ONCE.clone() } else { statement(runs.len()) };
+        let mut values = SqliteArguments::default();
+        values.reserve(runs.len() * columns(), 0);
+        for run in runs {
+            add(&mut values, (sweep, chunk), &axes, run).map_err(sqlx::Error::Encode)?;
+        }
+        sqlx::query_with(AssertSqlSafe(sql), values).execute(&mut *connection).await?;
     }
     let mut homes = Homes::default();
     runs.iter().for_each(|run| homes.add((sweep, chunk), run.run_index as i64));
     homes.insert(connection, sweep, chunk, false).await
+}
+
+/// The columns before the numbers, in the order of [`add`].
+const COLUMNS: [&str; 16 + AXES] = [
+    "sweep",
+    "chunk",
+    "home_sweep",
+    "home_chunk",
+    "run_index",
+    "run_id",
+    "status",
+    "detail",
+    "regime",
+    "upstream_closure",
+    "root_evidence",
+    "validity",
+    "grid_convergence",
+    "residual_history",
+    "iterations",
+    "attempts",
+    "axis_1",
+    "axis_2",
+    "axis_3",
+    "axis_4",
+];
+
+/// Values of a row.
+fn columns() -> usize {
+    COLUMNS.len() + PARAMETERS.len() + SCALARS.len()
+}
+
+/// The statement that adds as many rows as one may, which nearly all are added by.
+static MOST_AT_ONCE: LazyLock<Arc<str>> = LazyLock::new(|| statement(ROWS));
+
+/// The statement that adds so many rows.
+fn statement(rows: usize) -> Arc<str> {
+    let row = format!("({})", vec!["?"; columns()].join(", "));
+    let (names, numbers, rows) = (COLUMNS.join(", "), numbers_by_name(), vec![row; rows]);
+    format!("INSERT INTO runs ({names}{numbers}) VALUES {}", rows.join(", ")).into()
+}
+
+/// Adds the values of a run's row.
+fn add(
+    values: &mut SqliteArguments,
+    (sweep, chunk): (i64, i64),
+    axes: &[&ParameterInfo],
+    run: &SolvedRun,
+) -> Result<(), BoxDynError> {
+    let o = &run.outcome;
+    for number in [sweep, chunk, sweep, chunk, run.run_index as i64] {
+        values.add(number)?;
+    }
+    for text in [&run.run_id, o.status.name(), &o.detail, &o.regime, &o.upstream_closure] {
+        values.add(text)?;
+    }
+    for text in [&o.root_evidence, &o.validity, &o.grid_convergence] {
+        values.add(text.as_deref())?;
+    }
+    values.add(o.residual_history.as_ref().map(|h| serde_json::json!(h).to_string()))?;
+    values.add(o.iterations as i64)?;
+    values.add(o.attempts as i64)?;
+    for i in 0..AXES {
+        values.add(axes.get(i).map(|p| (p.get)(&o.parameters.0)))?;
+    }
+    for p in &PARAMETERS {
+        values.add((p.get)(&o.parameters.0))?;
+    }
+    for s in SCALARS {
+        values.add((s.get)(&o.scalars))?;
+    }
+    Ok(())
 }
 
 /// The names of parameters and scalars, each after a comma and quoted.
