@@ -25,6 +25,7 @@ pub struct Store {
     lock: Arc<File>,
     changes: watch::Sender<u64>,
     revocations: watch::Sender<u64>,
+    ends: watch::Sender<u64>,
     files: Arc<RwLock<()>>,
 }
 
@@ -101,6 +102,7 @@ impl Store {
             lock: Arc::new(lock),
             changes: watch::Sender::new(0),
             revocations: watch::Sender::new(0),
+            ends: watch::Sender::new(0),
             files: Arc::default(),
         })
     }
@@ -143,6 +145,16 @@ impl Store {
     /// Tells all holders of leases to look whether they still hold them.
     pub fn revoke(&self) {
         self.revocations.send_modify(|n| *n += 1);
+    }
+
+    /// Counts sweeps whose last chunk was stored, for whoever is not to learn of it late.
+    pub fn ends(&self) -> watch::Receiver<u64> {
+        self.ends.subscribe()
+    }
+
+    /// Tells that the last chunk of a sweep is stored.
+    pub fn tell_end(&self) {
+        self.ends.send_modify(|n| *n += 1);
     }
 
     /// Held from listing files until they are read: no listed file is removed meanwhile.

@@ -55,6 +55,14 @@ pub struct Outcome {
     pub transects: Vec<TransectProfile>,
 }
 
+impl Outcome {
+    /// Lets go of everything but the numbers and texts of the run.
+    pub fn drop_tables(&mut self) {
+        (self.profile, self.series, self.states) = (None, None, None);
+        self.transects = Vec::new();
+    }
+}
+
 /// A transect from the wall to the centre of the fjord.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct TransectProfile {

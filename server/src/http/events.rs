@@ -16,9 +16,10 @@ use serde::Serialize;
 use std::convert::Infallible;
 use std::time::Duration;
 use tokio::sync::watch;
+use tokio::time::Instant;
 use utoipa::ToSchema;
 
-/// Shortest time between two events of a connection.
+/// Shortest time between two events of a connection, but for the end of the sweep.
 const AT_MOST_EVERY: Duration = Duration::from_millis(200);
 /// Longest time between two events of a sweep under way: pace and time left change without a commit.
 const AT_LEAST_EVERY: Duration = Duration::from_secs(2);
@@ -78,6 +79,8 @@ pub async fn progress(service: &Service, id: &str) -> Result<Option<Progress>, P
 struct Stream {
     service: Service,
     changes: watch::Receiver<u64>,
+    ends: watch::Receiver<u64>,
+    told: Option<Instant>,
     id: String,
     last_seen: Option<String>,
     is_over: bool,
@@ -101,13 +104,13 @@ pub async fn events(
     _: NothingAsked,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let changes = service.store.changes();
+    let (changes, ends) = (service.store.changes(), service.store.ends());
     let now = progress(&service, &id).await?.ok_or_else(|| Problem::not_found("sweep", &id))?;
     let last_seen = headers.get("last-event-id").and_then(|v| v.to_str().ok()).map(str::to_owned);
     if now.is_last() && last_seen.as_deref() == Some(&now.event_id()) {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let begin = Stream { service, changes, id, last_seen, is_over: false };
+    let begin = Stream { service, changes, ends, told: None, id, last_seen, is_over: false };
     let events = stream::unfold(begin, |stream| async move { stream.next().await });
     Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
 }
@@ -120,7 +123,16 @@ impl Stream {
             if self.is_over || stop.is_cancelled() {
                 return None;
             }
+            if let Some(told) = self.told.take() {
+                tokio::select! {
+                    () = stop.cancelled() => continue,
+                    () = tokio::time::sleep_until(told + AT_MOST_EVERY) => {}
+                    // The sender lives as long as the store.
+                    _ = self.ends.changed() => {}
+                }
+            }
             self.changes.mark_unchanged();
+            self.ends.mark_unchanged();
             let told = match progress(&self.service, &self.id).await {
                 Ok(Some(progress)) => progress,
                 // Deleted, or the database does not answer: whoever comes back is told which.
@@ -132,13 +144,12 @@ impl Stream {
                 let name = if self.is_over { "end" } else { "progress" };
                 let event = Event::default().event(name).id(&event_id).json_data(&told);
                 self.last_seen = Some(event_id);
-                tokio::time::sleep(AT_MOST_EVERY).await;
+                self.told = Some(Instant::now());
                 let event = event.unwrap_or_else(|e| Event::default().comment(e.to_string()));
                 return Some((Ok(event), self));
             }
             tokio::select! {
                 () = stop.cancelled() => {}
-                // The sender lives as long as the store.
                 _ = self.changes.changed() => {}
                 () = tokio::time::sleep(AT_LEAST_EVERY) => {
                     // What is the same but for the pace is told again now and then.

@@ -44,14 +44,23 @@ const NEXT: &str = "SELECT s.sweep, s.id, c.chunk, c.first_run, c.end_run, c.run
         s.turn, s.sweep \
     LIMIT 1";
 
-/// Takes the next chunk, if there is one.
+/// Takes the next chunk, if there is one, in a transaction of its own.
 pub async fn lease(store: &Store) -> sqlx::Result<Option<Lease>> {
     // Looked up first without the writer's lock: most looks of an idle service find nothing.
     if sqlx::query(NEXT).fetch_optional(&mut *store.read().await?).await?.is_none() {
         return Ok(None);
     }
     let mut tx = store.write().await?;
-    let Some(row) = sqlx::query(NEXT).fetch_optional(&mut *tx).await? else { return Ok(None) };
+    let lease = take(&mut tx).await?;
+    tx.commit().await?;
+    Ok(lease)
+}
+
+/// Takes the next chunk, if there is one, within the caller's transaction.
+pub async fn take(connection: &mut Connection) -> sqlx::Result<Option<Lease>> {
+    let Some(row) = sqlx::query(NEXT).fetch_optional(&mut *connection).await? else {
+        return Ok(None);
+    };
     let lease = Lease {
         sweep: row.get("sweep"),
         sweep_id: row.get("id"),
@@ -67,16 +76,15 @@ pub async fn lease(store: &Store) -> sqlx::Result<Option<Lease>> {
     .bind(&lease.token)
     .bind(lease.sweep)
     .bind(lease.chunk)
-    .execute(&mut *tx)
+    .execute(&mut *connection)
     .await?;
     sqlx::query("UPDATE sweeps SET turn = 1 + (SELECT MAX(t.turn) FROM sweeps t) WHERE sweep = $1")
         .bind(lease.sweep)
-        .execute(&mut *tx)
+        .execute(&mut *connection)
         .await?;
     let runs = lease.run_count as i64;
     let (queued, running) = (Pending::Queued.name(), Pending::Running.name());
-    move_runs(&mut tx, lease.sweep, queued, running, runs).await?;
-    tx.commit().await?;
+    move_runs(connection, lease.sweep, queued, running, runs).await?;
     Ok(Some(lease))
 }
 
@@ -94,13 +102,14 @@ pub async fn holds(connection: &mut Connection, lease: &Lease) -> sqlx::Result<b
 }
 
 /// Marks a chunk done and counts its runs, within the transaction that stores them; `reused` of them were
-/// taken over from other sweeps. Refused if the lease is lost; the caller then rolls back.
+/// taken over from other sweeps. Tells whether the sweep has ended with it. Refused if the lease is lost; the
+/// caller then rolls back.
 pub async fn finish(
     connection: &mut Connection,
     lease: &Lease,
     statuses: impl Iterator<Item = Status>,
     reused: usize,
-) -> sqlx::Result<Result<(), LeaseLost>> {
+) -> sqlx::Result<Result<bool, LeaseLost>> {
     let changed = sqlx::query(
         "UPDATE chunks SET state = 'done', lease_token = NULL, ended_ms = $4 \
          WHERE sweep = $1 AND chunk = $2 AND state = 'leased' AND lease_token = $3",
@@ -121,8 +130,7 @@ pub async fn finish(
         .bind(lease.sweep)
         .execute(&mut *connection)
         .await?;
-    settle(connection, lease.sweep).await?;
-    Ok(Ok(()))
+    Ok(Ok(settle(connection, lease.sweep).await?))
 }
 
 /// Keeps how long a unit of work took, as a moving average.
@@ -173,7 +181,7 @@ async fn take_back(
         .execute(&mut *connection)
         .await?;
     move_runs(connection, sweep, Pending::Running.name(), to.name(), runs).await?;
-    settle(connection, sweep).await
+    settle(connection, sweep).await.map(drop)
 }
 
 /// Takes all leases back. The data directory belongs to one process, so at its start every lease is

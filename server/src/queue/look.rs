@@ -75,7 +75,7 @@ pub struct Pace {
 const LATELY_MS: i64 = 10_000;
 /// Seconds per cell of a steady or diagnostic run, and per cell and step of a transient, until
 /// measured.
-const FIRST_GUESS_SECONDS: [f64; 2] = [1e-5, 2e-6];
+const FIRST_GUESS_SECONDS: [f64; 2] = [6e-6, 2e-6];
 
 /// Seconds per unit of work (see [`RunSpec::work`]) of runs like this one: measured, or a guess.
 pub async fn seconds_per_unit(connection: &mut Connection, run: &RunSpec) -> sqlx::Result<f64> {

@@ -8,7 +8,7 @@ mod look;
 mod submit;
 mod verbs;
 
-pub use lease::{Lease, LeaseLost, finish, give_back, holds, lease, measured, reclaim};
+pub use lease::{Lease, LeaseLost, finish, give_back, holds, lease, measured, reclaim, take};
 pub use look::{SweepRow, Which, health, pace, seconds_per_unit, sweep, sweep_in_brief, sweeps};
 pub use submit::{EnqueueError, Enqueued, Submission, enqueue, known_submission};
 pub use verbs::{VerbError, delete, deleted, forget, requeue, verb};
@@ -49,8 +49,8 @@ async fn add_runs(
     if changed.rows_affected() == 0 { Err(sqlx::Error::RowNotFound) } else { Ok(()) }
 }
 
-/// Ends a sweep that has nothing queued and nothing under way.
-async fn settle(connection: &mut Connection, sweep: i64) -> sqlx::Result<()> {
+/// Ends a sweep that has nothing queued and nothing under way; whether it has ended.
+async fn settle(connection: &mut Connection, sweep: i64) -> sqlx::Result<bool> {
     let left: i64 = sqlx::query_scalar(
         "SELECT COALESCE(SUM(runs), 0) FROM tallies \
          WHERE sweep = $1 AND status IN ('queued', 'running')",
@@ -64,7 +64,7 @@ async fn settle(connection: &mut Connection, sweep: i64) -> sqlx::Result<()> {
             .execute(connection)
             .await?;
     }
-    Ok(())
+    Ok(left == 0)
 }
 
 /// Puts the statuses of solved runs into the counts, in place of running ones.

@@ -44,12 +44,12 @@ pub async fn verb(
         (Verb::Stop, _) => {
             move_chunks(connection, sweep, "queued", Pending::Cancelled).await?;
             set_phase(connection, sweep, Phase::Stopping).await?;
-            Ok(settle(connection, sweep).await?)
+            Ok(settle(connection, sweep).await.map(drop)?)
         }
         (Verb::Cancel, _) => {
             move_chunks(connection, sweep, "queued", Pending::Cancelled).await?;
             move_chunks(connection, sweep, "leased", Pending::Cancelled).await?;
-            Ok(settle(connection, sweep).await?)
+            Ok(settle(connection, sweep).await.map(drop)?)
         }
     }
 }

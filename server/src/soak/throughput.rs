@@ -9,7 +9,7 @@ use crate::domain::document::Document;
 use crate::domain::status::Status;
 use crate::domain::sweep::{Limits, SweepSpec};
 use crate::worker::NICENESS;
-use crate::worker::walk::{Walking, walk};
+use crate::worker::walk::{Tasks, Way, walk};
 use anyhow::{Context, ensure};
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -17,10 +17,11 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use tokio_util::sync::CancellationToken;
 
 /// What is measured.
 #[derive(Debug, Clone, Copy)]
@@ -47,12 +48,8 @@ impl Request {
     }
 }
 
-/// Pause between two looks at a sweep.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Pause between two questions of who watches a service at work.
 const ASK_EVERY: Duration = Duration::from_millis(10);
-/// Longest that a sweep may take.
-const LONGEST: Duration = Duration::from_secs(3600);
 /// Transients of one mean.
 const TRANSIENTS_OF_A_MEAN: usize = 20;
 /// Their length and their steps, a.
@@ -167,7 +164,7 @@ pub struct Report {
 /// Measures.
 pub fn run(request: &Request, bar: &ProgressBar) -> anyhow::Result<Report> {
     let document = steady(request.runs_per_side);
-    let sweep = Document::parse(&document)?.into_sweep(&Limits::MOST)?;
+    let sweep = Arc::new(Document::parse(&document)?.into_sweep(&Limits::MOST)?);
     let mut report = Report { runs: sweep.count(), ..Report::default() };
     report.sides =
         request.counts().iter().map(|n| Side { threads: *n, ..Side::default() }).collect();
@@ -245,16 +242,11 @@ impl Service {
         Ok(taken["id"].as_str().context("a submission without an id")?.to_owned())
     }
 
+    /// Follows a sweep's events until it is complete; the last of them.
     fn wait(&self, id: &str) -> anyhow::Result<Value> {
-        let begin = Instant::now();
-        loop {
-            let sweep = self.process.client.get(&format!("/sweeps/{id}"))?;
-            if sweep["state"] == "complete" {
-                return Ok(sweep);
-            }
-            ensure!(begin.elapsed() < LONGEST, "the sweep does not complete: {sweep}");
-            std::thread::sleep(LOOK_EVERY);
-        }
+        let last = self.process.client.follow(id, |_| {})?;
+        ensure!(last["state"] == "complete", "the sweep does not complete: {last}");
+        Ok(last)
     }
 
     /// Ends the service; the bytes that it leaves, by table.
@@ -282,7 +274,7 @@ fn add_sizes(folder: &Path, bytes: &mut BTreeMap<String, u64>) -> anyhow::Result
 }
 
 /// Solves a sweep with nothing around the solver; the time it took, s.
-fn bare(sweep: &SweepSpec, threads: usize) -> anyhow::Result<f64> {
+fn bare(sweep: &Arc<SweepSpec>, threads: usize) -> anyhow::Result<f64> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         // As the service's threads: what else runs on the machine weighs on both alike.
@@ -290,14 +282,20 @@ fn bare(sweep: &SweepSpec, threads: usize) -> anyhow::Result<f64> {
             rustix::process::nice(NICENESS).ok();
         })
         .build()?;
-    let walking = Arc::new(Walking::new(threads));
+    let tasks = Arc::new(Tasks::new(threads));
     let begin = Instant::now();
     // One way through the whole sweep: a thread that has nothing to do takes half of what another has left.
     let order = sweep.visiting_order(0..sweep.count());
-    let way: Vec<(usize, String)> = order.into_iter().map(|index| (index, String::new())).collect();
-    let no_start = Err("no run starts from another");
-    let solved = pool.install(|| walk(sweep, &way, no_start, &walking, &|| false));
-    let runs = solved.context("the bare solver stopped")?.runs;
+    let runs = order.into_iter().map(|index| (index, String::new())).collect();
+    let start = Err("no run starts from another".to_owned());
+    let way = Way { sweep: sweep.clone(), runs, start, stop: CancellationToken::new() };
+    let (task, (send, receive)) = (tasks.begin(), mpsc::channel());
+    pool.spawn(move || {
+        walk(way, task, move |solved| {
+            send.send(solved).ok();
+        });
+    });
+    let runs = receive.recv()?.context("the bare solver stopped")?.runs;
     let solved = runs.iter().filter(|run| run.outcome.status == Status::Converged).count();
     let seconds = begin.elapsed().as_secs_f64();
     ensure!(solved == sweep.count(), "the bare solver solved {solved} of {} runs", sweep.count());

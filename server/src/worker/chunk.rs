@@ -3,12 +3,13 @@
 use super::Workers;
 use super::keep::Done;
 use super::solve::StoredStart;
-use super::walk::{Solved, Walking, walk};
+use super::walk::{Solved, Task, Way, walk};
 use crate::archive::{ArchiveError, catalogue, files};
 use crate::domain::sweep::SweepSpec;
 use crate::queue::{self, Lease};
 use anyhow::Context;
 use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 use std::sync::Arc;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
@@ -17,18 +18,22 @@ use tokio_util::sync::CancellationToken;
 pub(super) type Work = Vec<(usize, String)>;
 
 impl Workers {
-    /// One chunk from lease to commit; given back if told to stop before it is solved.
+    /// One chunk from lease to commit, which leases the next one; given back if told to stop before it is
+    /// solved.
     pub(super) async fn chunk(
         &self,
         lease: &Lease,
         stop: &CancellationToken,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Option<Lease>> {
         let sweep = self.sweep(lease).await?;
         let start = self.start(&sweep).await?;
         let work = self.work_of(lease, &sweep).await?;
         let claim = tokio::select! {
             claim = self.claims.claim(work.iter().map(|(_, id)| id.clone()).collect()) => claim,
-            () = stop.cancelled() => return Ok(queue::give_back(&self.store, lease).await?),
+            () = stop.cancelled() => {
+                queue::give_back(&self.store, lease).await?;
+                return Ok(None);
+            }
         };
         let ids: Vec<String> = work.iter().map(|(_, id)| id.clone()).collect();
         let known = if sweep.is_forced() {
@@ -37,19 +42,29 @@ impl Workers {
             catalogue::known(&mut *self.store.read().await?, &ids).await?
         };
         let (send, receive) = oneshot::channel();
-        let (spec, held, stopping) = (sweep.clone(), lease.clone(), stop.clone());
-        let walking = self.walking.clone();
+        let todo = Todo {
+            sweep: sweep.clone(),
+            stretch: lease.first_run..lease.end_run,
+            work,
+            known,
+            start,
+            stop: stop.clone(),
+        };
+        // It counts as soon as it waits for a thread.
+        let task = self.tasks.begin();
         self.pool.spawn(move || {
-            let start = start.as_ref().map_err(String::as_str);
-            let stop = || stopping.is_cancelled();
-            let done = solve(&spec, &held, work, &known, start, &walking, &stop);
-            // The receiver is gone when the lease was taken away or the process ends.
-            send.send(done).ok();
+            todo.solve(task, move |done| {
+                // The receiver is gone when the lease was taken away or the process ends.
+                send.send(done).ok();
+            });
         });
         let done = receive.await.context("the solver's threads are gone")?;
         match done {
             Some(done) => self.keep(lease, &sweep, done?, claim, stop).await,
-            None => Ok(queue::give_back(&self.store, lease).await?),
+            None => {
+                queue::give_back(&self.store, lease).await?;
+                Ok(None)
+            }
         }
     }
 
@@ -62,25 +77,38 @@ impl Workers {
     }
 }
 
-/// Solves a chunk's runs that are not known, each near the one before; none if told to stop.
-fn solve(
-    sweep: &SweepSpec,
-    lease: &Lease,
+/// A chunk on its way to a thread of the pool.
+struct Todo {
+    sweep: Arc<SweepSpec>,
+    stretch: Range<usize>,
     work: Work,
-    known: &HashSet<String>,
-    start: Result<&StoredStart, &str>,
-    walking: &Arc<Walking>,
-    stop: &(dyn Fn() -> bool + Sync),
-) -> Option<Result<Done, ArchiveError>> {
-    let mut seen = HashSet::new();
-    // A point that stands in a sweep twice is solved once.
-    let (known, unsolved): (Work, Work) =
-        work.into_iter().partition(|(_, id)| known.contains(id) || !seen.insert(id.clone()));
-    let mut ids: HashMap<usize, String> = unsolved.into_iter().collect();
-    let order = sweep.visiting_order(lease.first_run..lease.end_run);
-    let way: Work = order.into_iter().filter_map(|i| Some((i, ids.remove(&i)?))).collect();
-    let Solved { runs, seconds_per_unit } = walk(sweep, &way, start, walking, stop)?;
-    // Part of a worker's work, so that so many workers take so many cores.
-    let tables = files::encode(&runs);
-    Some(tables.map(|tables| Done { solved: runs, known, seconds_per_unit, tables }))
+    known: HashSet<String>,
+    start: Result<StoredStart, String>,
+    stop: CancellationToken,
+}
+
+impl Todo {
+    /// Solves the runs that are not known, each near the one before, and hands over what is to be kept; none
+    /// if told to stop.
+    fn solve(
+        self,
+        task: Task,
+        then: impl FnOnce(Option<Result<Done, ArchiveError>>) + Send + Sync + 'static,
+    ) {
+        let Self { sweep, stretch, work, known, start, stop } = self;
+        let mut seen = HashSet::new();
+        // A point that stands in a sweep twice is solved once.
+        let (known, unsolved): (Work, Work) =
+            work.into_iter().partition(|(_, id)| known.contains(id) || !seen.insert(id.clone()));
+        let mut ids: HashMap<usize, String> = unsolved.into_iter().collect();
+        let order = sweep.visiting_order(stretch);
+        let runs = order.into_iter().filter_map(|i| Some((i, ids.remove(&i)?))).collect();
+        walk(Way { sweep, runs, start, stop }, task, move |solved| {
+            let Some(Solved { mut runs, seconds_per_unit }) = solved else { return then(None) };
+            // Part of a worker's work, so that so many workers take so many cores.
+            let tables = files::encode(&runs);
+            runs.iter_mut().for_each(|run| run.outcome.drop_tables());
+            then(Some(tables.map(|tables| Done { solved: runs, known, seconds_per_unit, tables })));
+        });
+    }
 }

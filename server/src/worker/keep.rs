@@ -32,7 +32,7 @@ pub struct Done {
 struct Gone;
 
 impl Workers {
-    /// Stores a solved chunk.
+    /// Stores a solved chunk, and leases the next one.
     pub(super) async fn keep(
         &self,
         lease: &Lease,
@@ -40,13 +40,12 @@ impl Workers {
         mut done: Done,
         claim: Claim,
         stop: &CancellationToken,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Option<Lease>> {
         let _claim = claim;
         let tables = Arc::new(std::mem::take(&mut done.tables));
         loop {
-            let Err(error) = self.store_once(lease, sweep, &done, &tables).await else {
-                return Ok(());
-            };
+            let stored = self.store_once(lease, sweep, &done, &tables, stop).await;
+            let Err(error) = stored else { return stored };
             let is_vain = error.is::<LeaseLost>() || error.is::<Gone>();
             if is_vain || stop.is_cancelled() {
                 return Err(error);
@@ -69,7 +68,8 @@ impl Workers {
         sweep: &SweepSpec,
         done: &Done,
         tables: &Arc<Vec<Encoded>>,
-    ) -> anyhow::Result<()> {
+        stop: &CancellationToken,
+    ) -> anyhow::Result<Option<Lease>> {
         let begin = Instant::now();
         // A chunk whose runs are all known has no files of its own.
         let written = if tables.is_empty() {
@@ -84,7 +84,8 @@ impl Workers {
             .await??
         };
         let write_ms = begin.elapsed().as_millis();
-        let stored = self.commit(lease, sweep, &written, done).await;
+        let mut next = None;
+        let stored = self.commit(lease, sweep, &written, done, stop, &mut next).await;
         tracing::debug!(
             sweep = lease.sweep_id,
             chunk = lease.chunk,
@@ -93,41 +94,45 @@ impl Workers {
             commit_ms = begin.elapsed().as_millis() - write_ms,
             "chunk"
         );
-        let Err((error, is_certain)) = stored else { return Ok(()) };
-        // A commit that failed may have happened: then the lease is gone, and what is listed stays.
-        let is_nothing_stored = is_certain || self.still_holds(lease).await?;
+        let Err((error, is_certain)) = stored else { return Ok(next) };
+        // A commit that failed may have happened: then the lease is gone, the next one is held, and what is
+        // listed stays. A full disk still lets read.
+        let is_nothing_stored = is_certain || self.holds(lease).await;
         if is_nothing_stored {
             files::remove(&self.store.archive(), written.iter().map(|w| w.path.as_str()));
             return Err(error);
         }
-        Ok(())
+        Ok(next)
     }
 
-    /// Whether a commit that failed did not happen: with it, the lease would be gone.
-    async fn still_holds(&self, lease: &Lease) -> sqlx::Result<bool> {
-        // A full disk still lets read.
-        queue::holds(&mut *self.store.read().await?, lease).await
-    }
-
-    /// The one transaction of a chunk: its end, its files, its runs. An error tells whether it is certain
-    /// that nothing was committed.
+    /// The one transaction of a chunk: its end, its files, its runs, and the lease of the `next` one unless the
+    /// process ends. An error tells whether it is certain that nothing was committed.
     async fn commit(
         &self,
         lease: &Lease,
         sweep: &SweepSpec,
         written: &[files::Written],
         done: &Done,
+        stop: &CancellationToken,
+        next: &mut Option<Lease>,
     ) -> Result<(), (anyhow::Error, bool)> {
         let nothing = |error: anyhow::Error| (error, true);
         let mut tx = self.store.write().await.map_err(|e| nothing(e.into()))?;
-        self.add(&mut tx, lease, sweep, written, done).await.map_err(nothing)?;
+        let has_ended = self.add(&mut tx, lease, sweep, written, done).await.map_err(nothing)?;
+        if !stop.is_cancelled() {
+            *next = queue::take(&mut tx).await.map_err(|e| nothing(e.into()))?;
+        }
         self.faults.pass(Step::InTransaction);
         // A commit that fails may have happened.
         tx.commit().await.map_err(|e| (e.into(), false))?;
         self.faults.pass(Step::AfterCommit);
+        if has_ended {
+            self.store.tell_end();
+        }
         Ok(())
     }
 
+    /// Adds what a chunk came to; whether its sweep has ended with it.
     async fn add(
         &self,
         tx: &mut Connection,
@@ -135,7 +140,7 @@ impl Workers {
         sweep: &SweepSpec,
         written: &[files::Written],
         done: &Done,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<bool> {
         let Lease { sweep: number, chunk, .. } = *lease;
         let axes = sweep.varied();
         catalogue::insert(tx, number, chunk, &axes, written, &done.solved).await?;
@@ -148,11 +153,11 @@ impl Workers {
         let statuses = done.solved.iter().map(|run| run.outcome.status);
         let statuses = statuses.chain(adopted.iter().map(|run| run.status));
         let reused = adopted.iter().filter(|run| !run.is_own).count();
-        queue::finish(tx, lease, statuses, reused).await??;
+        let has_ended = queue::finish(tx, lease, statuses, reused).await??;
         if let Some(seconds_per_unit) = done.seconds_per_unit {
             let regime = sweep.run(lease.first_run).shared.regime.name();
             queue::measured(tx, regime, seconds_per_unit).await?;
         }
-        Ok(())
+        Ok(has_ended)
     }
 }

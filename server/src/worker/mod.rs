@@ -24,10 +24,10 @@ use solve::StoredStart;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::{Mutex, Notify};
+use tokio::sync::{Mutex, Notify, watch};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
-use walk::Walking;
+use walk::Tasks;
 
 /// The workers of this process.
 #[derive(Debug, Clone)]
@@ -36,7 +36,7 @@ pub struct Workers {
     pool: Arc<rayon::ThreadPool>,
     sweeps: Arc<Mutex<HashMap<String, Arc<SweepSpec>>>>,
     claims: Claims,
-    walking: Arc<Walking>,
+    tasks: Arc<Tasks>,
     wake: Arc<Notify>,
     faults: Faults,
 }
@@ -89,8 +89,8 @@ impl Workers {
             tracing::error!("the archive is damaged: {fault}; see `melange verify`");
         }
         let (sweeps, claims) = Default::default();
-        let walking = Arc::new(Walking::new(threads));
-        Ok(Self { store, pool: Arc::new(pool), sweeps, claims, walking, wake, faults })
+        let tasks = Arc::new(Tasks::new(threads));
+        Ok(Self { store, pool: Arc::new(pool), sweeps, claims, tasks, wake, faults })
     }
 
     /// Number of threads that solve.
@@ -111,10 +111,21 @@ impl Workers {
     }
 
     async fn slot(&self, stop: &CancellationToken) {
+        let mut next = None;
+        // From before a chunk is leased, so that none is taken away unnoticed.
+        let mut revocations = self.store.revocations();
         while !stop.is_cancelled() {
-            let pause = match queue::lease(&self.store).await {
-                Ok(Some(lease)) => match self.leased(&lease, stop).await {
-                    Ok(()) => continue,
+            let leased = match next.take() {
+                Some(lease) => Ok(Some(lease)),
+                None => queue::lease(&self.store).await,
+            };
+            let since = std::mem::replace(&mut revocations, self.store.revocations());
+            let pause = match leased {
+                Ok(Some(lease)) => match self.leased(&lease, since, stop).await {
+                    Ok(leased) => {
+                        next = leased;
+                        continue;
+                    }
                     Err(error) => {
                         tracing::error!(sweep = lease.sweep_id, chunk = lease.chunk, "{error:#}");
                         self.give_back(&lease, stop).await;
@@ -132,6 +143,9 @@ impl Workers {
                 () = self.wake.notified(), if pause == LONGEST_SLEEP => {}
                 () = tokio::time::sleep(pause) => {}
             }
+        }
+        if let Some(lease) = next {
+            self.give_back(&lease, stop).await;
         }
     }
 
@@ -151,31 +165,40 @@ impl Workers {
         }
     }
 
-    /// Works on a chunk, and stops when the lease is taken away or the process is to end.
-    async fn leased(&self, lease: &Lease, stop: &CancellationToken) -> anyhow::Result<()> {
-        let mut revocations = self.store.revocations();
+    /// Works on a chunk, and stops when the lease is taken away or the process is to end; leases the next one
+    /// when it is stored.
+    async fn leased(
+        &self,
+        lease: &Lease,
+        mut revocations: watch::Receiver<u64>,
+        stop: &CancellationToken,
+    ) -> anyhow::Result<Option<Lease>> {
         let stop = stop.child_token();
-        let watch = async {
-            loop {
-                let held = match self.store.read().await {
-                    Ok(mut tx) => queue::holds(&mut tx, lease).await,
-                    Err(error) => Err(error),
-                };
-                match held {
-                    Ok(true) if revocations.changed().await.is_ok() => {}
-                    Ok(true) => break,
-                    Ok(false) => {
-                        stop.cancel();
-                        break;
-                    }
-                    Err(_) => tokio::time::sleep(AFTER_TROUBLE).await,
+        let watching = async {
+            while revocations.changed().await.is_ok() {
+                if !self.holds(lease).await {
+                    stop.cancel();
                 }
             }
             std::future::pending().await
         };
         tokio::select! {
             done = self.chunk(lease, &stop) => done,
-            () = watch => Ok(()),
+            () = watching => Ok(None),
+        }
+    }
+
+    /// Whether a lease is still held, however often that has to be asked.
+    async fn holds(&self, lease: &Lease) -> bool {
+        loop {
+            let held = match self.store.read().await {
+                Ok(mut tx) => queue::holds(&mut tx, lease).await,
+                Err(error) => Err(error),
+            };
+            match held {
+                Ok(held) => return held,
+                Err(_) => tokio::time::sleep(AFTER_TROUBLE).await,
+            }
         }
     }
 

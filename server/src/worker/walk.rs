@@ -3,9 +3,24 @@
 use super::solve::{StoredStart, Walker};
 use crate::archive::SolvedRun;
 use crate::domain::sweep::SweepSpec;
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+use tokio_util::sync::CancellationToken;
+
+/// Runs to be solved, each near the one before.
+#[derive(Debug)]
+pub struct Way {
+    /// The sweep that they belong to.
+    pub sweep: Arc<SweepSpec>,
+    /// Their indices and ids, in the order in which they are solved.
+    pub runs: Vec<(usize, String)>,
+    /// The stored state that they start from, or why there is none.
+    pub start: Result<StoredStart, String>,
+    /// Tells when they are not wanted any more.
+    pub stop: CancellationToken,
+}
 
 /// What came of a way.
 pub struct Solved {
@@ -15,67 +30,55 @@ pub struct Solved {
     pub seconds_per_unit: Option<f64>,
 }
 
-/// Solves the runs of a way, given by index and id, on the threads of this pool; none if told to stop.
-pub fn walk(
-    sweep: &SweepSpec,
-    way: &[(usize, String)],
-    start: Result<&StoredStart, &str>,
-    walking: &Arc<Walking>,
-    stop: &(dyn Fn() -> bool + Sync),
-) -> Option<Solved> {
-    let walk = Walk { sweep, start, stop, walking, sum: Mutex::default() };
-    rayon::scope(|scope| walk.go(scope, way, walking.begin()));
-    let Sum { mut runs, seconds, units } =
-        walk.sum.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if runs.len() < way.len() {
-        return None;
-    }
-    runs.sort_unstable_by_key(|run| run.run_index);
-    Some(Solved { runs, seconds_per_unit: (units > 0.0).then(|| seconds / units) })
+/// Solves the runs of a way on the threads of the pool on one of which this is called, and hands over what
+/// came of it; none if told to stop. No thread waits for another: whoever is done last hands over.
+pub fn walk(way: Way, task: Task, then: impl FnOnce(Option<Solved>) + Send + Sync + 'static) {
+    let all = 0..way.runs.len();
+    go(Arc::new(Walk { way, sum: Mutex::default(), then: Box::new(then) }), all, task);
 }
 
-/// How many of a pool's threads walk.
+/// How many tasks a pool of threads has, under way or waiting.
 #[derive(Debug)]
-pub struct Walking {
+pub struct Tasks {
     threads: usize,
-    walking: AtomicUsize,
+    count: AtomicUsize,
 }
 
-/// One that walks, until it is dropped.
-struct Walks(Arc<Walking>);
+/// A task of a pool, until it is dropped.
+#[derive(Debug)]
+pub struct Task(Arc<Tasks>);
 
-impl Walking {
+impl Tasks {
     /// Of a pool with so many threads.
     pub fn new(threads: usize) -> Self {
-        Self { threads, walking: AtomicUsize::new(0) }
+        Self { threads, count: AtomicUsize::new(0) }
     }
 
-    fn begin(self: &Arc<Self>) -> Walks {
-        self.walking.fetch_add(1, Ordering::Relaxed);
-        Walks(self.clone())
+    /// One more.
+    pub fn begin(self: &Arc<Self>) -> Task {
+        self.count.fetch_add(1, Ordering::Relaxed);
+        Task(self.clone())
     }
 
     /// One more, if a thread has nothing to do.
-    fn begin_if_idle(self: &Arc<Self>) -> Option<Walks> {
+    fn begin_if_idle(self: &Arc<Self>) -> Option<Task> {
         let one_more = |n| (n < self.threads).then_some(n + 1);
-        let begun = self.walking.fetch_update(Ordering::Relaxed, Ordering::Relaxed, one_more);
-        begun.ok().map(|_| Walks(self.clone()))
+        let begun = self.count.fetch_update(Ordering::Relaxed, Ordering::Relaxed, one_more);
+        begun.ok().map(|_| Task(self.clone()))
     }
 }
 
-impl Drop for Walks {
+impl Drop for Task {
     fn drop(&mut self) {
-        self.0.walking.fetch_sub(1, Ordering::Relaxed);
+        self.0.count.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
-/// A way through the runs of a chunk.
-struct Walk<'a> {
-    sweep: &'a SweepSpec,
-    start: Result<&'a StoredStart, &'a str>,
-    stop: &'a (dyn Fn() -> bool + Sync),
-    walking: &'a Arc<Walking>,
+/// A way under way.
+struct Walk {
+    way: Way,
     sum: Mutex<Sum>,
+    then: Box<dyn FnOnce(Option<Solved>) + Send + Sync>,
 }
 
 /// What is solved so far, with the time and the units of work it took.
@@ -86,38 +89,82 @@ struct Sum {
     units: f64,
 }
 
-/// Fewest runs of a way that is divided: each part begins without a neighbour.
+/// Fewest runs of a way that is divided anyway: each part begins without a neighbour.
 const DIVIDED: usize = 8;
 
-impl<'a> Walk<'a> {
-    /// Goes a way run by run. When a thread has nothing to do, which is so at the end of a sweep, it gets
-    /// the second half of what is left.
-    fn go<'s>(&'s self, scope: &rayon::Scope<'s>, mut way: &'s [(usize, String)], me: Walks) {
-        let _me = me;
-        let begin = Instant::now();
-        let mut walker = Walker::default();
-        let mut units = 0.0;
-        let mut runs = Vec::with_capacity(way.len());
-        while let Some(((run_index, run_id), rest)) = way.split_first() {
-            if (self.stop)() {
-                return;
-            }
-            let run = self.sweep.run(*run_index);
-            units += run.work();
-            let Some(outcome) = walker.solve(&run, self.start, self.stop) else { return };
-            runs.push(SolvedRun { run_index: *run_index, run_id: run_id.clone(), outcome });
-            way = rest;
-            if way.len() >= DIVIDED
-                && let Some(other) = self.walking.begin_if_idle()
-            {
-                let (mine, others) = way.split_at(way.len().div_ceil(2));
-                scope.spawn(move |scope| self.go(scope, others, other));
-                way = mine;
-            }
+/// Whether to divide a way of so many runs, told how long its first run took, which began without a neighbour,
+/// and how long the last one did: fewer are divided if half of them take longer than such a beginning.
+fn is_worth_dividing(runs: usize, first: Duration, last: Duration) -> bool {
+    runs >= DIVIDED || (runs >= 2 && last * (runs / 2) as u32 >= first)
+}
+
+/// Goes a part of a way; who is the last to be done ends the walk, which is part of its task.
+fn go(walk: Arc<Walk>, part: Range<usize>, task: Task) {
+    solve(&walk, part, &task.0);
+    if let Some(walk) = Arc::into_inner(walk) {
+        walk.end();
+    }
+}
+
+/// Solves a part of a way run by run. When a thread has nothing to do, which is so at the end of a sweep, it
+/// gets the second half of what is left.
+fn solve(walk: &Arc<Walk>, mut part: Range<usize>, tasks: &Arc<Tasks>) {
+    let Way { sweep, runs: way, start, stop } = &walk.way;
+    let begin = Instant::now();
+    let start = start.as_ref().map_err(String::as_str);
+    let mut walker = Walker::default();
+    let (mut first, mut ended) = (None, begin);
+    let mut units = 0.0;
+    let mut runs = Vec::with_capacity(part.len());
+    while let Some(next) = part.next() {
+        if stop.is_cancelled() {
+            return;
         }
-        let mut sum = self.sum.lock().unwrap_or_else(PoisonError::into_inner);
-        sum.runs.append(&mut runs);
-        sum.seconds += begin.elapsed().as_secs_f64();
-        sum.units += units;
+        let (run_index, run_id) = &way[next];
+        let run = sweep.run(*run_index);
+        units += run.work();
+        let Some(outcome) = walker.solve(&run, start, &|| stop.is_cancelled()) else { return };
+        runs.push(SolvedRun { run_index: *run_index, run_id: run_id.clone(), outcome });
+        let took = ended.elapsed();
+        ended += took;
+        if is_worth_dividing(part.len(), *first.get_or_insert(took), took)
+            && let Some(task) = tasks.begin_if_idle()
+        {
+            let middle = part.start + part.len().div_ceil(2);
+            let (others, walk) = (middle..part.end, walk.clone());
+            rayon::spawn(move || go(walk, others, task));
+            part.end = middle;
+        }
+    }
+    let mut sum = walk.sum.lock().unwrap_or_else(PoisonError::into_inner);
+    sum.runs.append(&mut runs);
+    sum.seconds += begin.elapsed().as_secs_f64();
+    sum.units += units;
+}
+
+impl Walk {
+    fn end(self) {
+        let sum = self.sum.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let Sum { mut runs, seconds, units } = sum;
+        let is_whole = runs.len() == self.way.runs.len();
+        runs.sort_unstable_by_key(|run| run.run_index);
+        let seconds_per_unit = (units > 0.0).then(|| seconds / units);
+        (self.then)(is_whole.then_some(Solved { runs, seconds_per_unit }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_runs_are_divided_if_they_take_long() {
+        let ms = Duration::from_millis;
+        assert!(is_worth_dividing(8, ms(100), ms(1)));
+        assert!(!is_worth_dividing(7, ms(4), ms(1)));
+        assert!(is_worth_dividing(6, ms(3), ms(1)));
+        assert!(is_worth_dividing(2, ms(5), ms(5)));
+        assert!(!is_worth_dividing(1, ms(1), ms(9)));
+        assert!(!is_worth_dividing(0, ms(1), ms(9)));
     }
 }
