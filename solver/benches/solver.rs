@@ -2,8 +2,11 @@
 //! `cargo bench -p melange-solver`.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use melange_solver::branch::{BranchPlan, BranchPoint};
+use melange_solver::control::{Control, Setting};
 use melange_solver::diagnostic::{balanced_wedge, wedge};
 use melange_solver::forcing::{Course, Forcing};
+use melange_solver::melt::MeltShape;
 use melange_solver::newton::{Linear, System};
 use melange_solver::params::Parameters;
 use melange_solver::physics::closure::UpstreamClosure;
@@ -11,6 +14,7 @@ use melange_solver::physics::continuity::MassBalance;
 use melange_solver::physics::jacobian::Jacobian;
 use melange_solver::physics::terminus::Advance;
 use melange_solver::physics::{Equations, Problem, Scratch};
+use melange_solver::sensitivity::{Linearised, Quantity};
 use melange_solver::state::unknowns;
 use melange_solver::steady::SteadyVerdict;
 use melange_solver::transient::Plan;
@@ -44,6 +48,46 @@ fn benches(c: &mut Criterion) {
             let mut go_on = |_: melange_solver::observe::Moment<'_>| ControlFlow::Continue(());
             black_box(solver.transient(solution.state.clone(), &plan, &mut go_on))
         });
+    });
+}
+
+/// The collapse of linear-shaped melt in a fjord 5,600 m wide, from a mean of 0.35 m d⁻¹ around the fold and
+/// back: both branches, growth rates of every point, the fold; and what one steady state's derivatives and
+/// growth rates cost.
+fn branches(c: &mut Criterion) {
+    let mut group = c.benchmark_group("collapse diagram");
+    for n_cells in [20, 50] {
+        let p = Parameters {
+            n_cells,
+            melt_rate_m_per_day: 0.35,
+            width_m: 5600.0,
+            ..Parameters::default()
+        };
+        let shape = MeltShape::named("linear").expect("a shape's name");
+        let model = Model::new(p, UpstreamClosure::Published).expect("parameters are in range");
+        let setting = Setting { model: model.with_melt_shape(shape), law: None };
+        let melt = Control::named("melt_rate_m_per_day").expect("a control's name");
+        let plan = BranchPlan::new(setting, melt, (0.35, 0.5));
+        group.bench_with_input(BenchmarkId::from_parameter(n_cells), &plan, |b, plan| {
+            b.iter(|| black_box(plan.trace(|_: &BranchPoint| ControlFlow::Continue(()))));
+        });
+    }
+    group.finish();
+    let setting = Setting { model: model(0.6), law: None };
+    let Ok(SteadyVerdict::Converged { solution, .. }) =
+        Solver::new(setting.model.clone()).steady(None)
+    else {
+        panic!("the base case has a steady state");
+    };
+    c.bench_function("derivatives of F by everything", |b| {
+        b.iter(|| {
+            let mut linearised = Linearised::at(&setting, &solution.state).expect("regular");
+            black_box(linearised.sensitivity(Quantity::Force))
+        });
+    });
+    c.bench_function("growth rates", |b| {
+        let linearised = Linearised::at(&setting, &solution.state).expect("regular");
+        b.iter(|| black_box(linearised.spectrum()));
     });
 }
 
@@ -83,5 +127,5 @@ fn iteration(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(all, benches, iteration);
+criterion_group!(all, benches, iteration, branches);
 criterion_main!(all);

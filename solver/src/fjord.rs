@@ -70,6 +70,11 @@ impl Fjord {
         }
     }
 
+    /// Whether the walls are straight, and not a table's.
+    pub fn is_straight(&self) -> bool {
+        matches!(self.0, Walls::Straight { .. })
+    }
+
     /// Whether the width is the same everywhere.
     pub fn is_constant(&self) -> bool {
         match &self.0 {

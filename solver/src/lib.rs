@@ -20,6 +20,16 @@
 //! | §3.1: steady states; quasi-static states | [`steady`]; [`quasi_static`] |
 //! | §3.2: transients, seasons | [`transient`], [`forcing`] |
 //!
+//! What the paper has not, from the same equations:
+//!
+//! | question | here |
+//! |---|---|
+//! | branches of steady states along a parameter, folds, thresholds of collapse | [`branch`], [`control`] |
+//! | growth rates of small perturbations | [`branch::stability`] |
+//! | derivatives of a steady state by what it is given | [`sensitivity`], [`physics::given`] |
+//! | the other roots of the discrete problem | [`roots`] |
+//! | parameters from observations, and how well they are known | [`calibration`] |
+//!
 //! A [`Model`] is what is solved for; a [`Solver`] keeps the buffers:
 //!
 //! ```
@@ -85,6 +95,9 @@
 //!     taken at the start of the step, as its scripts do (`Plan::is_lagged`).
 //! 11. A calving law that asks for a negative rate gets 0, and the result says so.
 
+pub mod branch;
+pub mod calibration;
+pub mod control;
 pub mod diagnose;
 pub mod diagnostic;
 pub mod error;
@@ -100,6 +113,8 @@ pub mod observe;
 pub mod params;
 pub mod physics;
 pub mod quasi_static;
+pub mod roots;
+pub mod sensitivity;
 mod smoothing;
 pub mod state;
 pub mod steady;

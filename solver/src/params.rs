@@ -178,6 +178,11 @@ fn names() -> String {
 }
 
 impl ParameterInfo {
+    /// Sets it without a look at the table.
+    pub(crate) fn set_unchecked(&self, p: &mut Parameters, value: f64) {
+        (self.set)(p, value);
+    }
+
     /// Checks a single value against the table.
     pub fn check(&self, value: f64) -> Result<(), ParameterError> {
         let ok = value.is_finite()

@@ -81,12 +81,15 @@ const MARCH_STEPS: usize = 400;
 const RUNAWAY_THICKNESS_RATIO: f64 = 1.5;
 
 impl Model {
+    /// Whether a terminus that moves meets other walls or other melt.
+    pub fn depends_on_place(&self) -> bool {
+        !self.fjord().is_constant() || self.melt_shape().depends_on_bedrock()
+    }
+
     /// Refuses what has no steady state by construction.
     pub fn check_steady(&self) -> Result<(), ParameterError> {
         let p = self.parameters();
-        let depends_on_place =
-            !self.fjord().is_constant() || self.melt_shape().depends_on_bedrock();
-        if p.terminus_velocity_m_per_a != p.calving_rate_m_per_a && depends_on_place {
+        if p.terminus_velocity_m_per_a != p.calving_rate_m_per_a && self.depends_on_place() {
             return Err(ParameterError::Contradiction {
                 name: "calving_rate_m_per_a",
                 value: p.calving_rate_m_per_a,

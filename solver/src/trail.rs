@@ -4,7 +4,7 @@
 use crate::error::SolveError;
 use crate::newton::{Limits, Linear, Root};
 use crate::physics::continuity::MassBalance;
-use crate::smoothing::{DIVISIONS, LEVELS, STAGE};
+use crate::smoothing::{DIVISIONS, LEVELS, Ladder, STAGE};
 use crate::state::State;
 use crate::steady::{FIRST_STEP_A, March, SteadyVerdict, collapsed, has_trough};
 use crate::{Solver, Task};
@@ -33,7 +33,7 @@ struct Passed {
 const BESIDE: Limits =
     Limits { iterations: 6, step_tolerance: 1e-3, shortest_share: 1e-5, checks_root: false };
 /// Levels at which a neighbour's way is followed; between them lie the others of [`LEVELS`].
-const STEPPING_STONES: [f64; 3] = [LEVELS[0], LEVELS[2], LEVELS[4]];
+pub(crate) const STEPPING_STONES: [f64; 3] = [LEVELS[0], LEVELS[2], LEVELS[4]];
 /// From level to level a root's cells move by about ε in 1 − μ_s/μ. Where one moves by more than this
 /// many ε, the root has ended and another was taken.
 const JUMP: f64 = 1.5;
@@ -42,6 +42,11 @@ impl Trail {
     /// Number of cells.
     pub(crate) fn n_cells(&self) -> usize {
         self.n_cells
+    }
+
+    /// Levels, packed roots and the excess of their interior cells, the most smoothed first, the model's last.
+    pub(crate) fn roots(&self) -> impl Iterator<Item = (f64, &[f64], &[f64])> {
+        self.roots.iter().map(|root| (root.level, &root.x[..], &root.excess[..]))
     }
 
     fn at(&self, level: f64) -> Option<&Passed> {
@@ -102,7 +107,7 @@ impl Solver {
             before = there;
             let end = near.at(0.0).filter(|end| there.leads_to(end))?;
             let guess = moved(&end.x, &now.x, &there.x);
-            if let Some(root) = self.leap(task, *level, Some(&guess)) {
+            if let Some(root) = self.at(task).leap(*level, Some(&guess)) {
                 self.pass(trail, 0.0);
                 return Some(root);
             }
@@ -111,7 +116,7 @@ impl Solver {
     }
 
     /// A trail that begins with the root in the iterate.
-    fn trail_from(&self, level: f64) -> Trail {
+    fn trail_from(&mut self, level: f64) -> Trail {
         let mut trail = Trail {
             n_cells: self.model.parameters.n_cells,
             is_positive: self.newton.jacobian().is_positive(),
@@ -122,14 +127,16 @@ impl Solver {
     }
 
     /// Remembers the root in the iterate.
-    fn pass(&self, trail: &mut Trail, level: f64) {
-        let (x, excess) = (self.newton.x.clone(), self.yield_excesses());
+    fn pass(&mut self, trail: &mut Trail, level: f64) {
+        let x = self.newton.x.clone();
+        let excess = self.at(Task::new(MassBalance::Steady)).yield_excesses();
         trail.roots.push(Passed { level, x, excess });
     }
 
     /// Follows the root in the iterate, at level `reached`, to the model itself.
     pub(crate) fn descend_from(&mut self, reached: f64) -> Result<SteadyVerdict, SolveError> {
-        self.descend(self.trail_from(reached))
+        let trail = self.trail_from(reached);
+        self.descend(trail)
     }
 
     /// Takes the steady root in the iterate, the trail's only one, to the model itself. Where the root
@@ -141,7 +148,7 @@ impl Solver {
         let mut root = None;
         for level in LEVELS.into_iter().filter(|level| *level < reached) {
             let last = trail.last().level;
-            root = match self.lower(task, last, level, DIVISIONS) {
+            root = match self.at(task).lower(last, level, DIVISIONS) {
                 Ok(found) => Some(found),
                 Err(_) => {
                     state.unpack(&self.newton.x);
@@ -152,7 +159,7 @@ impl Solver {
                 }
             };
             self.pass(&mut trail, level);
-            if let Some(found) = self.leap(task, level, None) {
+            if let Some(found) = self.at(task).leap(level, None) {
                 self.pass(&mut trail, 0.0);
                 root = Some(found);
                 break;
@@ -190,6 +197,6 @@ impl Solver {
 }
 
 /// A packed root, as far away as another root is from its neighbour.
-fn moved(there: &[f64], here: &[f64], neighbour: &[f64]) -> Vec<f64> {
+pub(crate) fn moved(there: &[f64], here: &[f64], neighbour: &[f64]) -> Vec<f64> {
     there.iter().zip(here).zip(neighbour).map(|((x, a), b)| x + (a - b)).collect()
 }

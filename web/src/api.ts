@@ -8,6 +8,7 @@ export interface Counts {
   completed: number;
   collapsed: number;
   no_steady_state: number;
+  no_fold: number;
   overthick: number;
   fjord_closed: number;
   failed: number;

@@ -1,4 +1,4 @@
-//! What is kept: Parquet files of runs, profiles and series, and their catalogue. Knows no queue and no
+//! What is kept: Parquet files of runs, profiles, series and curves, and their catalogue. Knows no queue and no
 //! transport. A file counts once the catalogue lists it; readers never look into folders.
 
 pub mod backup;
@@ -6,6 +6,7 @@ pub mod bulk;
 pub mod catalogue;
 pub mod compact;
 pub mod files;
+pub mod long;
 pub mod read;
 pub mod reuse;
 pub mod schema;

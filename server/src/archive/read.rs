@@ -2,10 +2,14 @@
 
 use super::catalogue::{self, Entry, Place};
 use super::schema::Kind;
-use super::{ArchiveError, files};
+use super::{ArchiveError, files, long};
+use crate::domain::calibrated::Calibrated;
+use crate::domain::curve::{BranchCurve, CurveRow, FoldCurve};
+use crate::domain::document::Regime;
 use crate::domain::outcome::{
     EffectiveParameters, Outcome, PROFILE, Profile, SERIES, Series, StoredState,
 };
+use crate::domain::rows::Row;
 use crate::domain::status::Status;
 use crate::store::Store;
 use arrow_array::cast::AsArray;
@@ -76,13 +80,21 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
         None => None,
     };
     let text = |name: &str| entry.row.text(name).to_owned();
+    let regime = text("regime");
+    let curve: Vec<CurveRow> = long_rows(archive, entry, Kind::Branches)?;
+    let curve = Some(curve).filter(|rows| !rows.is_empty());
+    let (branch, fold_curve) = if regime == Regime::FoldCurve.name() {
+        (None, curve.map(FoldCurve))
+    } else {
+        (curve.map(BranchCurve), None)
+    };
     Ok(Outcome {
         status: Status::from_name(entry.row.text("status")).ok_or_else(|| {
             ArchiveError::Status { run_id: run_id.to_owned(), status: text("status") }
         })?,
         detail: text("detail"),
         parameters: EffectiveParameters(entry.parameters),
-        regime: text("regime"),
+        regime,
         upstream_closure: text("upstream_closure"),
         scalars: entry.scalars,
         iterations: entry.row.whole("iterations").unwrap_or_default(),
@@ -96,7 +108,29 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
         profile,
         series,
         states,
+        branch,
+        fold_curve,
+        calibration: Some(long_rows(archive, entry, Kind::Calibrations)?)
+            .filter(|rows| !rows.is_empty())
+            .map(Calibrated),
+        sensitivities: long_rows(archive, entry, Kind::Sensitivities)?,
+        discrete_roots: long_rows(archive, entry, Kind::Roots)?,
     })
+}
+
+/// The rows of a run in a long table.
+fn long_rows<R: Row>(archive: &Path, entry: &Entry, kind: Kind) -> Result<Vec<R>, ArchiveError> {
+    let Some(place) = entry.place(kind) else { return Ok(Vec::new()) };
+    let (path, run_id) = (place.file.path.as_str(), entry.row.text("run_id"));
+    let mut found = Vec::new();
+    for batch in rows(archive, place)? {
+        let batch = batch.map_err(|e| damaged(path, e))?;
+        let ids: &StringArray = column(&batch, path, "run_id")?;
+        for row in (0..batch.num_rows()).filter(|row| ids.value(*row) == run_id) {
+            found.push(long::row(&batch, row));
+        }
+    }
+    Ok(found)
 }
 
 type StateRow = (Option<f64>, bool, Profile);

@@ -1,9 +1,14 @@
-//! The Parquet schema, version 3: columns, units, meanings, and the arrays of solved runs. The tables
+//! The Parquet schema, version 4: columns, units, meanings, and the arrays of solved runs. The tables
 //! of the domain say which columns there are.
 
 use super::SolvedRun;
+use super::long;
+use crate::domain::calibrated::CalibrationRow;
+use crate::domain::curve::CurveRow;
+use crate::domain::discrete_root::RootRow;
 use crate::domain::outcome::{PROFILE, Profile, SCALARS, SERIES};
 use crate::domain::parameters::PARAMETERS;
+use crate::domain::sensitivity::SensitivityRow;
 use arrow_array::builder::{
     BooleanBuilder, Float64Builder, Int64Builder, ListBuilder, StringBuilder,
 };
@@ -13,7 +18,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the schema, in the footer of each file and in the catalogue.
-pub const SCHEMA_VERSION: i64 = 3;
+pub const SCHEMA_VERSION: i64 = 4;
 
 /// The tables of the archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,11 +29,27 @@ pub enum Kind {
     Profiles,
     /// One row per run and output time.
     Series,
+    /// One row per point, fold, root, crossing and end of a branch or a curve of folds.
+    Branches,
+    /// One row per steady state and quantity: its derivatives.
+    Sensitivities,
+    /// One row per estimate, observation, start and sample of a calibration.
+    Calibrations,
+    /// One row per discrete root of a steady state.
+    Roots,
 }
 
 impl Kind {
     /// All tables.
-    pub const ALL: [Kind; 3] = [Kind::Runs, Kind::Profiles, Kind::Series];
+    pub const ALL: [Kind; 7] = [
+        Kind::Runs,
+        Kind::Profiles,
+        Kind::Series,
+        Kind::Branches,
+        Kind::Sensitivities,
+        Kind::Calibrations,
+        Kind::Roots,
+    ];
 
     /// Name in file names and in the catalogue.
     pub fn name(self) -> &'static str {
@@ -36,6 +57,10 @@ impl Kind {
             Kind::Runs => "runs",
             Kind::Profiles => "profiles",
             Kind::Series => "series",
+            Kind::Branches => "branches",
+            Kind::Sensitivities => "sensitivities",
+            Kind::Calibrations => "calibrations",
+            Kind::Roots => "roots",
         }
     }
 
@@ -50,6 +75,10 @@ impl Kind {
             Kind::Runs => run_fields(),
             Kind::Profiles => profile_fields(),
             Kind::Series => series_fields(),
+            Kind::Branches => long::fields::<CurveRow>(),
+            Kind::Sensitivities => long::fields::<SensitivityRow>(),
+            Kind::Calibrations => long::fields::<CalibrationRow>(),
+            Kind::Roots => long::fields::<RootRow>(),
         };
         let metadata = HashMap::from([
             ("melange_schema_version".to_owned(), SCHEMA_VERSION.to_string()),
@@ -64,6 +93,10 @@ impl Kind {
             Kind::Runs => run_columns(runs),
             Kind::Profiles => profile_columns(runs),
             Kind::Series => series_columns(runs),
+            Kind::Branches => long::columns(runs, |outcome| outcome.curve_rows()),
+            Kind::Sensitivities => long::columns(runs, |outcome| &outcome.sensitivities),
+            Kind::Calibrations => long::columns(runs, |outcome| outcome.calibration_rows()),
+            Kind::Roots => long::columns(runs, |outcome| &outcome.discrete_roots),
         };
         RecordBatch::try_new(self.schema(), columns)
             .expect("columns are built from the schema's tables")
@@ -83,14 +116,20 @@ impl Kind {
     }
 }
 
-fn field(name: &str, kind: DataType, nullable: bool, unit: &str, meaning: &str) -> Field {
+pub(super) fn field(
+    name: &str,
+    kind: DataType,
+    nullable: bool,
+    unit: &str,
+    meaning: &str,
+) -> Field {
     Field::new(name, kind, nullable).with_metadata(HashMap::from([
         ("unit".to_owned(), unit.to_owned()),
         ("meaning".to_owned(), meaning.to_owned()),
     ]))
 }
 
-fn run_id_field() -> Field {
+pub(super) fn run_id_field() -> Field {
     let meaning = "identity of the run: blake3 of model version, options and parameters";
     field("run_id", DataType::Utf8, false, "1", meaning)
 }
@@ -175,8 +214,12 @@ fn run_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
     columns
 }
 
-fn list_of_numbers() -> DataType {
+pub(super) fn list_of_numbers() -> DataType {
     DataType::List(Arc::new(Field::new("item", DataType::Float64, true)))
+}
+
+pub(super) fn list_of_wholes() -> DataType {
+    DataType::List(Arc::new(Field::new("item", DataType::Int64, true)))
 }
 
 fn profile_fields() -> Vec<Field> {
@@ -294,6 +337,11 @@ mod tests {
             profile: None,
             series: None,
             states: None,
+            branch: None,
+            fold_curve: None,
+            calibration: None,
+            sensitivities: Vec::new(),
+            discrete_roots: Vec::new(),
             transects: Vec::new(),
         };
         SolvedRun { run_index, run_id: format!("{run_index}"), outcome }

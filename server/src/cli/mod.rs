@@ -1,6 +1,9 @@
 //! The command line: the composition root. It wires the rooms together and decides nothing.
 
+pub mod branch;
+pub mod calibrate;
 pub mod care;
+pub mod plot;
 pub mod reproduce;
 pub mod run;
 pub mod serve;
@@ -26,6 +29,10 @@ struct Arguments {
 enum Command {
     /// Solve one scenario and print its result.
     Run(run::Arguments),
+    /// Follow steady states along a parameter, or a fold along two, and draw them.
+    Branch(branch::Arguments),
+    /// Find the parameters whose steady state agrees best with observations.
+    Calibrate(calibrate::Arguments),
     /// Solve a sweep into a data directory.
     Sweep(sweep::Arguments),
     /// Serve the REST interface and the dashboard, and solve what is submitted.
@@ -67,6 +74,8 @@ pub async fn main() -> anyhow::Result<ExitCode> {
         .init();
     match arguments.command {
         Command::Run(arguments) => run::main(&arguments).await,
+        Command::Branch(arguments) => branch::main(&arguments).await,
+        Command::Calibrate(arguments) => calibrate::main(&arguments).await,
         Command::Sweep(arguments) => sweep::main(&arguments).await,
         Command::Serve(arguments) => serve::main(&arguments, false).await,
         Command::Demo(arguments) => serve::main(&arguments, true).await,

@@ -3,6 +3,7 @@
 use crate::domain::document::Document;
 use crate::domain::outcome::{self, Outcome, SCALARS};
 use crate::domain::refusal::Refusal;
+use crate::domain::sensitivity;
 use crate::domain::start::Start;
 use crate::domain::status::Status;
 use crate::worker::solve::Walker;
@@ -28,20 +29,47 @@ pub struct Arguments {
     format: Format,
 }
 
+/// How a result is printed.
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Format {
+pub enum Format {
+    /// For programs.
     Json,
+    /// For people.
     Text,
 }
 
 /// Solves the scenario and prints the result.
 pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let text = read(&arguments.scenario)?;
-    let solved = tokio::task::spawn_blocking(move || solve(&text)).await?;
+    let solved = tokio::task::spawn_blocking(move || Document::parse(&text).and_then(solve));
+    print(solved.await?, arguments.format, |outcome| {
+        let mut shown = as_text(outcome);
+        if let Some(command) = drawn_by(outcome) {
+            shown += &format!("\n`melange {command} {}` draws it", arguments.scenario);
+        }
+        shown
+    })
+}
+
+/// The command that draws what the numbers of a result do not show.
+fn drawn_by(outcome: &Outcome) -> Option<&'static str> {
+    if !outcome.curve_rows().is_empty() {
+        Some("branch")
+    } else {
+        outcome.calibration.as_ref().map(|_| "calibrate")
+    }
+}
+
+/// Prints a result, as text in a way of its own.
+pub fn print(
+    solved: Result<Outcome, Refusal>,
+    format: Format,
+    as_text: impl Fn(&Outcome) -> String,
+) -> anyhow::Result<ExitCode> {
     let (shown, code) = match solved {
         Ok(outcome) => {
             let code = if outcome.status == Status::Failed { FAILED } else { VERDICT };
-            let shown = match arguments.format {
+            let shown = match format {
                 Format::Json => serde_json::to_string(&outcome)?,
                 Format::Text => as_text(&outcome),
             };
@@ -56,8 +84,9 @@ pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(code))
 }
 
-fn solve(text: &str) -> Result<Outcome, Refusal> {
-    let run = Document::parse(text)?.into_run()?;
+/// Solves the one run of a document.
+pub fn solve(document: Document) -> Result<Outcome, Refusal> {
+    let run = document.into_run()?;
     if let Some(Start::Run(id)) = &run.shared.start {
         return Err(Refusal::value(
             "start.run",
@@ -80,7 +109,8 @@ pub fn read(path: &str) -> anyhow::Result<String> {
     }
 }
 
-fn as_text(outcome: &Outcome) -> String {
+/// The numbers of a result, one to a line.
+pub fn as_text(outcome: &Outcome) -> String {
     let mut lines = vec![format!("{}: {}", outcome.status.name(), outcome.detail)];
     for info in SCALARS {
         if let Some(value) = (info.get)(&outcome.scalars) {
@@ -95,5 +125,66 @@ fn as_text(outcome: &Outcome) -> String {
             lines.push(format!("  {name:<28} {text}"));
         }
     }
+    lines.extend(sensitivities(outcome));
+    lines.extend(discrete_roots(outcome));
     lines.join("\n")
+}
+
+/// d ln Q/d ln p, a line for each parameter and a column for each quantity.
+fn sensitivities(outcome: &Outcome) -> Vec<String> {
+    let rows = &outcome.sensitivities;
+    if rows.is_empty() {
+        return Vec::new();
+    }
+    /// The quantities by their letters.
+    const SYMBOLS: [(&str, &str); 6] = [
+        ("length_m", "L"),
+        ("thickness_0_m", "H_0"),
+        ("force_n_per_m", "F"),
+        ("force_quasi_static_n_per_m", "F at rest"),
+        ("velocity_end_m_per_a", "U_L"),
+        ("volume_m3", "V"),
+    ];
+    let symbol = |name: &str| SYMBOLS.iter().find(|(known, _)| *known == name).map_or("", |s| s.1);
+    let names: String = rows.iter().map(|r| format!(" {:>12}", symbol(&r.quantity))).collect();
+    let mut lines = vec![format!("  {:<34}{names}", "d ln Q/d ln p")];
+    for (i, name) in sensitivity::parameters().enumerate() {
+        let cells = rows.iter().map(|row| match row.log_by[i] {
+            Some(value) => format!(" {value:>12.5}"),
+            None => format!(" {:>12}", "-"),
+        });
+        lines.push(format!("    {name:<32}{}", cells.collect::<String>()));
+    }
+    lines
+}
+
+/// The discrete steady states, one to a line, the one that the rule picks first.
+fn discrete_roots(outcome: &Outcome) -> Vec<String> {
+    let rows = &outcome.discrete_roots;
+    if rows.is_empty() {
+        return Vec::new();
+    }
+    let mut lines = vec![format!(
+        "  discrete roots {:>16} {:>14} {:>16} {:>10}  cells at rest",
+        "thickness_0_m", "length_m", "force_n_per_m", "stability"
+    )];
+    for row in rows {
+        let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        let whose = if row.is_picked == Some(true) { "the rule's" } else { "" };
+        let stability = match row.stable {
+            Some(true) => "stable",
+            Some(false) => "unstable",
+            None => "-",
+        };
+        let cells: Vec<String> =
+            row.cells_at_rest.iter().flatten().map(|cell| cell.to_string()).collect();
+        let cells = if cells.is_empty() { "none".to_owned() } else { cells.join(" ") };
+        lines.push(format!(
+            "    {whose:<12} {:>16.6} {:>14.4} {:>16.9e} {stability:>10}  {cells}",
+            number(row.thickness_0_m),
+            number(row.length_m),
+            number(row.force_n_per_m),
+        ));
+    }
+    lines
 }

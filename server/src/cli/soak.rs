@@ -1,7 +1,7 @@
 //! `melange soak`: strains solver and service, and measures what the service takes.
 
 use crate::cli::serve::threads;
-use crate::soak::{engine, solver, throughput};
+use crate::soak::{branches, engine, solver, throughput};
 use anyhow::{Context, ensure};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,6 +22,8 @@ pub struct Arguments {
 enum Subject {
     /// Steady states of parameters drawn at random.
     Solver(SolverArguments),
+    /// Branches of steady states of parameters drawn at random, and their stability against time.
+    Branches(BranchesArguments),
     /// The service, killed at the steps of its commits and at random moments.
     Engine(EngineArguments),
     /// What the service takes beside the bare solver.
@@ -42,6 +44,22 @@ struct SolverArguments {
     /// Verdicts of no steady state that are tried by a march of 20 years.
     #[arg(long, default_value_t = 0)]
     transients: usize,
+    /// How the report is printed.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+}
+
+#[derive(Debug, clap::Args)]
+struct BranchesArguments {
+    /// Branches.
+    #[arg(long)]
+    count: u64,
+    /// Seed; the same seed draws the same branches, and fewer of them are the first ones.
+    #[arg(long)]
+    seed: u64,
+    /// Threads that solve; all of the machine's if not given.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// How the report is printed.
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -93,6 +111,7 @@ pub async fn main(arguments: Arguments) -> anyhow::Result<ExitCode> {
     // All of it blocks, for long.
     tokio::task::spawn_blocking(move || match arguments.subject {
         Subject::Solver(arguments) => solver_main(&arguments),
+        Subject::Branches(arguments) => branches_main(&arguments),
         Subject::Engine(arguments) => engine_main(arguments),
         Subject::Throughput(arguments) => throughput_main(&arguments),
     })
@@ -103,6 +122,15 @@ fn solver_main(arguments: &SolverArguments) -> anyhow::Result<ExitCode> {
     let SolverArguments { count, seed, threads: asked, transients, format } = *arguments;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads(asked)).build()?;
     let report = pool.install(|| solver::run(solver::Request { count, seed, transients }));
+    told(&report, format, report.is_clean())
+}
+
+fn branches_main(arguments: &BranchesArguments) -> anyhow::Result<ExitCode> {
+    let BranchesArguments { count, seed, threads: asked, format } = *arguments;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads(asked)).build()?;
+    let bar = bar(count, "branches")?;
+    let report = pool.install(|| branches::soak(branches::Request { count, seed }, || bar.inc(1)));
+    bar.finish_and_clear();
     told(&report, format, report.is_clean())
 }
 

@@ -1,17 +1,20 @@
 //! The names of the interface, with units, meanings and ranges, for whoever draws or fills in a form.
 
 use super::outcome::SCALARS;
+use melange_solver::control::Control;
 use melange_solver::params::PARAMETERS;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// All parameters and all numbers of a result.
+/// All parameters, all numbers of a result and all controls of a branch.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Dictionary {
     /// Parameters of a run.
     pub parameters: Vec<ParameterEntry>,
     /// Numbers of a result.
     pub scalars: Vec<ScalarEntry>,
+    /// What a branch may be followed along.
+    pub controls: Vec<ControlEntry>,
 }
 
 /// A parameter.
@@ -33,6 +36,15 @@ pub struct ScalarEntry {
     meaning: &'static str,
 }
 
+/// A control parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct ControlEntry {
+    name: &'static str,
+    unit: &'static str,
+    min: f64,
+    max: f64,
+}
+
 impl Dictionary {
     /// From the tables of the solver and of the results.
     pub fn new() -> Self {
@@ -46,6 +58,14 @@ impl Dictionary {
         });
         let scalars =
             SCALARS.iter().map(|s| ScalarEntry { name: s.name, unit: s.unit, meaning: s.meaning });
-        Self { parameters: parameters.collect(), scalars: scalars.collect() }
+        let controls = Control::names().into_iter().filter_map(Control::named).map(|control| {
+            let (min, max) = control.range();
+            ControlEntry { name: control.name(), unit: control.unit(), min, max }
+        });
+        Self {
+            parameters: parameters.collect(),
+            scalars: scalars.collect(),
+            controls: controls.collect(),
+        }
     }
 }

@@ -2,6 +2,8 @@
 //! them; what they mean is checked in `run` and `sweep`.
 
 use super::along::{FjordTable, MeltForm};
+use super::branch::{BranchForm, FoldCurveForm};
+use super::calibration::CalibrationForm;
 use super::entries::Entries;
 use super::forcing::{CalvingForm, CourseForm};
 use super::sample::SampleForm;
@@ -59,7 +61,7 @@ pub struct Document {
     #[serde(default, skip_serializing_if = "Entries::is_empty")]
     #[schema(value_type = std::collections::BTreeMap<String, CourseForm>)]
     pub forcing: Entries<CourseForm>,
-    /// What sets the calving rate: `steady_feedback` or a law; only for a transient.
+    /// What sets the calving rate: `steady_feedback` or a law for a transient, a law for a branch.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     pub calving_law: Option<CalvingForm>,
@@ -79,6 +81,15 @@ pub struct Document {
     /// Volume of a quasi-static mélange, m³.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_m3: Option<f64>,
+    /// Along which parameter steady states are followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub branch: Option<BranchForm>,
+    /// Along which parameters a fold is followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fold_curve: Option<FoldCurveForm>,
+    /// Which parameters are found, and from which observations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<CalibrationForm>,
 }
 
 /// What is solved for.
@@ -93,11 +104,11 @@ pub enum Regime {
     Transient,
     /// A mélange at rest in front of a terminus that pushes it along.
     QuasiStatic,
-    /// Not there yet.
+    /// Steady states along a parameter, around folds, with their stability.
     Branch,
-    /// Not there yet.
+    /// A fold of a branch as a second parameter varies.
     FoldCurve,
-    /// Not there yet.
+    /// The parameters whose steady state agrees best with observations, and how well they are known.
     Calibration,
 }
 
@@ -130,6 +141,12 @@ pub struct Options {
     /// Whether a steady state's error of the grid is estimated from three finer grids.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid_error: Option<bool>,
+    /// Whether a steady state's derivatives by its parameters and by the melt of each cell are stored.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensitivities: Option<bool>,
+    /// Whether the other discrete steady states beside the one that the rule picks are searched for and stored.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub discrete_roots: Option<bool>,
     /// Places, 0 to 1, at which speed and fluidity across the fjord are told; only for a single run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transects_at_chi: Option<Vec<f64>>,

@@ -1,5 +1,7 @@
 //! What makes two runs the same run: model version, options and parameters, as bits.
 
+use super::branch::Following;
+use super::calibration::Calibrating;
 use super::document::Document;
 use super::forcing::CalvingForm;
 use super::run::RunSpec;
@@ -46,11 +48,23 @@ impl RunSpec {
             Some(Given::Thickness0(m)) => key.number("thickness_0_m", m),
             Some(Given::Volume(m3)) => key.number("volume_m3", m3),
         }
+        if let Some(following) = &shared.following {
+            key.following(following);
+        }
+        if let Some(calibrating) = &shared.calibrating {
+            key.calibrating(calibrating);
+        }
         if shared.is_lagged {
             key.text("lagged", "true");
         }
         if shared.grid_error {
             key.text("grid_error", "true");
+        }
+        if shared.sensitivities {
+            key.text("sensitivities", "true");
+        }
+        if shared.discrete_roots {
+            key.text("discrete_roots", "true");
         }
         if let Some(digest) = &shared.digest {
             key.text("along and in time", digest);
@@ -156,6 +170,50 @@ impl Key {
         }
     }
 
+    fn following(&mut self, following: &Following) {
+        self.text("control", following.control.name());
+        self.numbers("bounds", &[following.bounds.0, following.bounds.1]);
+        self.number("longest_step", following.longest_step);
+        self.number("most_points", following.most_points as f64);
+        self.number("stability", f64::from(u8::from(following.with_stability)));
+        self.numbers("roots_at", &following.roots_at);
+        if let Some(second) = &following.second {
+            self.text("second", second.control.name());
+            self.numbers("second_bounds", &[second.bounds.0, second.bounds.1]);
+            self.number("fold", second.fold as f64);
+        }
+    }
+
+    fn calibrating(&mut self, what: &Calibrating) {
+        for unknown in &what.unknowns {
+            self.text("unknown", unknown.control.name());
+            self.numbers("unknown", &[unknown.smallest, unknown.largest]);
+        }
+        for observation in &what.observations {
+            self.text("observation", observation.observed.name());
+            observation.observed.x_m().into_iter().for_each(|x_m| self.number("x_m", x_m));
+            observation.observed.y_m().into_iter().for_each(|y_m| self.number("y_m", y_m));
+            self.numbers("observation", &[observation.value, observation.standard_error]);
+        }
+        self.whole("starts", what.fit.starts as u64);
+        self.whole("starts' seed", what.fit.seed);
+        if let Some(plan) = &what.mcmc {
+            for (tag, number) in [
+                ("walkers", plan.walkers),
+                ("steps", plan.steps),
+                ("burn_in", plan.burn_in),
+                ("thin", plan.thinning),
+            ] {
+                self.whole(tag, number as u64);
+            }
+            self.whole("mcmc's seed", plan.seed);
+        }
+    }
+
+    fn whole(&mut self, tag: &str, number: u64) {
+        self.text(tag, &number.to_string());
+    }
+
     fn digits(&self) -> String {
         blake3::hash(&self.bytes).to_hex()[..ID_DIGITS].to_owned()
     }
@@ -201,6 +259,23 @@ mod tests {
                 r#"{"regime": "transient", "melt_shape": "linear",
                     "time": {"duration_a": 1, "tolerance": 1e-3, "profiles_at_a": [0.3]}}"#,
                 "d352861deb5dca16bf4072b18b904bc7",
+            ),
+            (
+                r#"{"regime": "branch", "calving_law": {"rate_m_per_a": 7000},
+                    "branch": {"control": "mu_s", "from": 0.2, "to": 0.4, "roots_at": [0.35, 0.3]}}"#,
+                "2547d6db5d6e9d81abc4d100edcaf50b",
+            ),
+            (
+                r#"{"regime": "calibration", "calibration": {"parameters": {"mu_s": [0.1, 0.6]}, "starts": 2,
+                    "mcmc": {"walkers": 8, "steps": 40}, "observations": [
+                        {"quantity": "thickness_m", "x_m": 100, "value": 90, "standard_error": 2},
+                        {"quantity": "length_m", "value": 11000, "standard_error": 100}]}}"#,
+                "8decd94f9ad6d15ba07c0895242f4ac3",
+            ),
+            (
+                r#"{"regime": "fold_curve", "fold_curve": {"control": "melt_rate_m_per_day", "from": 0.1,
+                    "to": 0.7, "second": "width_m", "second_from": 3e3, "second_to": 5e3}}"#,
+                "2e641118c0ac9c623ffd019ae342e31c",
             ),
         ] {
             assert_eq!(id(document), expected, "{document}");

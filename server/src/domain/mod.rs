@@ -3,7 +3,12 @@
 
 pub mod along;
 pub mod axes;
+pub mod branch;
+pub mod calibrated;
+pub mod calibration;
+pub mod curve;
 pub mod dictionary;
+pub mod discrete_root;
 pub mod document;
 pub mod effective;
 pub mod entries;
@@ -14,8 +19,10 @@ pub mod order;
 pub mod outcome;
 pub mod reading;
 pub mod refusal;
+pub mod rows;
 pub mod run;
 pub mod sample;
+pub mod sensitivity;
 pub mod start;
 pub mod status;
 pub mod sweep;

@@ -1,5 +1,9 @@
 //! The result of one run, as stored and as shown. Numbers that do not exist are `None`, never NaN.
 
+use super::calibrated::{Calibrated, Calibration, CalibrationRow};
+use super::curve::{Branch, BranchCurve, CurveRow, FoldCurve, Folds};
+use super::discrete_root::RootRow;
+use super::sensitivity::SensitivityRow;
 use super::status::Status;
 use melange_solver::params::{PARAMETERS, Parameters};
 use serde::Serialize;
@@ -50,16 +54,51 @@ pub struct Outcome {
     /// Stored states; only of a transient.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub states: Option<Vec<StoredState>>,
+    /// A branch of steady states: `control`, `unit`, and `points`, `folds`, `crossings`, `roots` and `ends`, whose
+    /// members are the columns of the table `branches`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Branch>)]
+    pub branch: Option<BranchCurve>,
+    /// A curve of folds: `control`, `unit`, `second`, `second_unit`, and `points` and `ends` with members as
+    /// those of a branch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Folds>)]
+    pub fold_curve: Option<FoldCurve>,
+    /// A calibration: `fit`, `estimates`, `identifiability`, `residuals`, `starts` and, if asked, `mcmc`, whose members
+    /// are the columns of the table `calibrations`. The numbers of the result are those of the fitted state.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Calibration>)]
+    pub calibration: Option<Calibrated>,
+    /// Derivatives of the steady state's numbers, a member for each quantity, if asked: the columns of the table
+    /// `sensitivities`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensitivities: Vec<SensitivityRow>,
+    /// The discrete steady states, if asked, the one that the rule picks first: the columns of the table `roots`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub discrete_roots: Vec<RootRow>,
     /// Speed and fluidity across the fjord, where asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub transects: Vec<TransectProfile>,
 }
 
 impl Outcome {
+    /// The rows of its branch or curve of folds.
+    pub fn curve_rows(&self) -> &[CurveRow] {
+        let branch = self.branch.as_ref().map(|branch| branch.0.as_slice());
+        branch.or(self.fold_curve.as_ref().map(|curve| curve.0.as_slice())).unwrap_or_default()
+    }
+
+    /// The rows of its calibration.
+    pub fn calibration_rows(&self) -> &[CalibrationRow] {
+        self.calibration.as_ref().map(|calibrated| calibrated.0.as_slice()).unwrap_or_default()
+    }
+
     /// Lets go of everything but the numbers and texts of the run.
     pub fn drop_tables(&mut self) {
         (self.profile, self.series, self.states) = (None, None, None);
-        self.transects = Vec::new();
+        (self.branch, self.fold_curve, self.calibration) = (None, None, None);
+        (self.sensitivities, self.transects) = (Vec::new(), Vec::new());
+        self.discrete_roots = Vec::new();
     }
 }
 

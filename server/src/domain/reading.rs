@@ -152,9 +152,19 @@ impl<'de> Deserialize<'de> for Written {
 /// The deserialiser would also take a list for a structure and a table for a name; documents are not
 /// written so.
 fn check_forms(written: &Value) -> Result<(), Refusal> {
-    for member in
-        ["time", "options", "parameters", "forcing", "fjord", "melt_shape", "calving_law", "sample"]
-    {
+    for member in [
+        "time",
+        "options",
+        "parameters",
+        "forcing",
+        "fjord",
+        "melt_shape",
+        "calving_law",
+        "sample",
+        "branch",
+        "fold_curve",
+        "calibration",
+    ] {
         if let Some(value) = written.get(member).filter(|v| v.is_array()) {
             return refuse_form(member, value, "members by name");
         }

@@ -1,12 +1,18 @@
 //! One run, checked and complete: everything its result depends on. A [`Scenario`] holds what the runs
 //! of a document share, checked once; a point of a sweep's axes makes a [`RunSpec`] of it.
 
+use super::branch::Following;
+use super::calibration::Calibrating;
+use super::curve::CurveRow;
+use super::discrete_root::RootRow;
 use super::document::{Document, Regime};
 use super::effective::Effective;
 use super::forcing::{self, CalvingForm};
 use super::identity;
 use super::outcome::SERIES;
 use super::refusal::Refusal;
+use super::rows::Row;
+use super::sensitivity::SensitivityRow;
 use super::start::Start;
 use super::time::Steps;
 use melange_solver::Model;
@@ -39,14 +45,22 @@ pub struct Shared {
     pub steps: Option<Steps>,
     /// Parameters that vary in time; only for a transient.
     pub forcing: Forcing,
-    /// What sets the calving rate; only for a transient.
+    /// What sets the calving rate; only for a transient and a branch.
     pub calving: Option<CalvingForm>,
     /// Whether forcing and law are taken at the start of a step.
     pub is_lagged: bool,
     /// Size of a quasi-static mélange.
     pub given: Option<Given>,
+    /// What is followed; only for a branch and a curve of folds.
+    pub following: Option<Following>,
+    /// What is found from observations; only for a calibration.
+    pub calibrating: Option<Calibrating>,
     /// Whether the error of the grid is estimated.
     pub grid_error: bool,
+    /// Whether derivatives are stored.
+    pub sensitivities: bool,
+    /// Whether the other discrete roots are stored.
+    pub discrete_roots: bool,
     /// Places of transects.
     pub transects_at_chi: Vec<f64>,
     /// Hash of the tables and courses, if there are any.
@@ -95,8 +109,8 @@ impl Document {
 
     /// What all runs of the document share.
     pub(super) fn scenario(&self) -> Result<Scenario, Refusal> {
-        self.refuse_what_is_not_there_yet()?;
-        let regimes = "steady, diagnostic, transient or quasi_static";
+        let regimes =
+            "steady, diagnostic, transient, quasi_static, branch, fold_curve or calibration";
         let regime = self.regime.ok_or_else(|| Refusal::missing("regime", regimes))?;
         let closure = self.options.upstream_closure.as_deref();
         let closure =
@@ -112,7 +126,11 @@ impl Document {
             calving: self.calving_law,
             is_lagged: self.options.lagged.unwrap_or_default(),
             given: self.given_for(regime)?,
+            following: self.following_for(regime)?,
+            calibrating: self.calibrating_for(regime)?,
             grid_error: self.options.grid_error.unwrap_or_default(),
+            sensitivities: self.options.sensitivities.unwrap_or_default(),
+            discrete_roots: self.options.discrete_roots.unwrap_or_default(),
             transects_at_chi: self.transects()?,
             digest: identity::digest(self),
         });
@@ -122,24 +140,29 @@ impl Document {
         Ok(Scenario { effective, closure, fjord, melt_shape, shared })
     }
 
-    fn refuse_what_is_not_there_yet(&self) -> Result<(), Refusal> {
-        if let Some(Regime::Branch | Regime::FoldCurve | Regime::Calibration) = self.regime {
-            return Err(Refusal::value(
-                "regime",
-                self.regime.map(Regime::name).unwrap_or_default(),
-                "not there yet; steady, diagnostic, transient and quasi_static are",
-            ));
-        }
-        Ok(())
-    }
-
     /// Refuses what another regime is for.
     fn check_regime(&self, regime: Regime) -> Result<(), Refusal> {
         let is_transient = regime == Regime::Transient;
         let is_at_rest = regime == Regime::QuasiStatic;
+        let is_branch = regime == Regime::Branch;
+        let is_fold_curve = regime == Regime::FoldCurve;
+        let has_law = is_transient || is_branch || is_fold_curve;
         for (field, is_given, is_meant, whose) in [
             ("forcing", !self.forcing.is_empty(), is_transient, "transient"),
-            ("calving_law", self.calving_law.is_some(), is_transient, "transient"),
+            (
+                "calving_law",
+                self.calving_law.is_some(),
+                has_law,
+                "transient`, `branch` or `fold_curve",
+            ),
+            ("branch", self.branch.is_some(), is_branch, "branch"),
+            ("fold_curve", self.fold_curve.is_some(), is_fold_curve, "fold_curve"),
+            (
+                "calibration",
+                self.calibration.is_some(),
+                regime == Regime::Calibration,
+                "calibration",
+            ),
             ("options.lagged", self.options.lagged == Some(true), is_transient, "transient"),
             ("length_m", self.length_m.is_some(), is_at_rest, "quasi_static"),
             ("thickness_0_m", self.thickness_0_m.is_some(), is_at_rest, "quasi_static"),
@@ -147,6 +170,18 @@ impl Document {
             (
                 "options.grid_error",
                 self.options.grid_error == Some(true),
+                regime == Regime::Steady,
+                "steady",
+            ),
+            (
+                "options.sensitivities",
+                self.options.sensitivities == Some(true),
+                regime == Regime::Steady,
+                "steady",
+            ),
+            (
+                "options.discrete_roots",
+                self.options.discrete_roots == Some(true),
                 regime == Regime::Steady,
                 "steady",
             ),
@@ -173,20 +208,49 @@ impl Document {
 
     fn start_for(&self, regime: Regime) -> Result<Option<Start>, Refusal> {
         match (regime, &self.start) {
-            (Regime::Steady | Regime::QuasiStatic, None) => Ok(None),
-            (Regime::Steady | Regime::QuasiStatic, Some(_)) => {
-                let state = if regime == Regime::Steady { "steady" } else { "quasi-static" };
+            (Regime::Diagnostic, None) => {
+                Err(Refusal::missing("start", "a diagnostic run needs a geometry"))
+            }
+            (Regime::Diagnostic, start) => Ok(start.clone()),
+            (Regime::Transient, start) => Ok(Some(start.clone().unwrap_or(Start::Steady))),
+            (_, None) => Ok(None),
+            (_, Some(_)) => {
+                let state = if regime == Regime::QuasiStatic { "quasi-static" } else { "steady" };
                 Err(Refusal::out_of_place(
                     "start",
                     &format!("a {state} state does not depend on a start"),
                 ))
             }
-            (Regime::Diagnostic, None) => {
-                Err(Refusal::missing("start", "a diagnostic run needs a geometry"))
-            }
-            (_, None) => Ok(Some(Start::Steady)),
-            (_, start) => Ok(start.clone()),
         }
+    }
+
+    fn calibrating_for(&self, regime: Regime) -> Result<Option<Calibrating>, Refusal> {
+        match (regime, &self.calibration) {
+            (Regime::Calibration, Some(calibration)) => calibration.calibrating().map(Some),
+            (Regime::Calibration, None) => {
+                let why = "a calibration needs parameters and observations";
+                Err(Refusal::missing("calibration", why))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    fn following_for(&self, regime: Regime) -> Result<Option<Following>, Refusal> {
+        let following = match (regime, &self.branch, &self.fold_curve) {
+            (Regime::Branch, Some(branch), _) => branch.following()?,
+            (Regime::FoldCurve, _, Some(curve)) => curve.following()?,
+            (Regime::Branch, None, _) => {
+                return Err(Refusal::missing("branch", "a branch needs control, from and to"));
+            }
+            (Regime::FoldCurve, _, None) => {
+                let why =
+                    "a curve of folds needs control, from, to, second, second_from and second_to";
+                return Err(Refusal::missing("fold_curve", why));
+            }
+            _ => return Ok(None),
+        };
+        following.check_law(self.calving_law.as_ref())?;
+        Ok(Some(following))
     }
 
     fn steps_for(&self, regime: Regime) -> Result<Option<Steps>, Refusal> {
@@ -290,6 +354,8 @@ impl Scenario {
                 ));
             }
         }
+        run.check_following()?;
+        run.check_calibration()?;
         Ok(run)
     }
 }
@@ -300,14 +366,25 @@ impl Shared {
         let steps = self.steps.as_ref();
         let rows = steps.map_or(0, Steps::rows);
         let profiles = 1 + steps.map_or(0, |s| s.profiles_at.len());
-        rows.saturating_mul(SERIES.len()).saturating_add(profiles.saturating_mul(6 * n_cells))
+        let on_curves = self.following.as_ref().map_or(0, Following::usual_rows);
+        let derivatives = if self.sensitivities { SensitivityRow::numbers(n_cells) } else { 0 };
+        let roots = if self.discrete_roots { RootRow::usual_numbers() } else { 0 };
+        rows.saturating_mul(SERIES.len())
+            .saturating_add(derivatives)
+            .saturating_add(roots)
+            .saturating_add(self.calibrating.as_ref().map_or(0, Calibrating::stored_numbers))
+            .saturating_add(on_curves * CurveRow::columns().len())
+            .saturating_add(profiles.saturating_mul(6 * n_cells))
     }
 
     /// Size of a run of so many cells in units of measured work: cells, times steps for a transient.
     pub fn work(&self, n_cells: usize) -> f64 {
         let steps = self.steps.as_ref().map_or(1, Steps::count);
         let grids = if self.grid_error { 16.0 } else { 1.0 };
-        n_cells as f64 * steps as f64 * grids
+        let states = self.following.as_ref().map_or(1.0, |following| following.work(n_cells));
+        let solves = self.calibrating.as_ref().map_or(1.0, Calibrating::solves);
+        let roots = if self.discrete_roots { RootRow::work(n_cells) } else { 1.0 };
+        n_cells as f64 * steps as f64 * grids * states * solves * roots
     }
 }
 
@@ -320,6 +397,8 @@ impl RunSpec {
     /// Whether a steady state is solved for, as the result, as the start or for its calving law.
     pub fn needs_steady_state(&self) -> bool {
         self.shared.regime == Regime::Steady
+            || self.shared.following.is_some()
+            || self.shared.calibrating.is_some()
             || self.shared.start == Some(Start::Steady)
             || self.shared.calving == Some(CalvingForm::SteadyFeedback)
     }

@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// A steady state or a diagnostic solution was found.
+    /// A steady state, a diagnostic solution, a branch or a curve of folds was found.
     Converged,
     /// A transient reached its end.
     Completed,
@@ -15,6 +15,8 @@ pub enum Status {
     Collapsed,
     /// No steady state exists.
     NoSteadyState,
+    /// A branch of steady states has no such fold as is to be followed.
+    NoFold,
     /// The mélange is at least as thick as the glacier.
     Overthick,
     /// The walls meet within the mélange.
@@ -27,11 +29,12 @@ pub enum Status {
 
 impl Status {
     /// The states a stored run can have.
-    pub const STORED: [Status; 7] = [
+    pub const STORED: [Status; 8] = [
         Self::Converged,
         Self::Completed,
         Self::Collapsed,
         Self::NoSteadyState,
+        Self::NoFold,
         Self::Overthick,
         Self::FjordClosed,
         Self::Failed,
@@ -44,6 +47,7 @@ impl Status {
             Self::Completed => "completed",
             Self::Collapsed => "collapsed",
             Self::NoSteadyState => "no_steady_state",
+            Self::NoFold => "no_fold",
             Self::Overthick => "overthick",
             Self::FjordClosed => "fjord_closed",
             Self::Failed => "failed",
@@ -74,6 +78,8 @@ pub struct Counts {
     pub collapsed: i64,
     /// See [`Status::NoSteadyState`].
     pub no_steady_state: i64,
+    /// See [`Status::NoFold`].
+    pub no_fold: i64,
     /// See [`Status::Overthick`].
     pub overthick: i64,
     /// See [`Status::FjordClosed`].
@@ -117,6 +123,7 @@ impl Counts {
             Status::Completed => &mut self.completed,
             Status::Collapsed => &mut self.collapsed,
             Status::NoSteadyState => &mut self.no_steady_state,
+            Status::NoFold => &mut self.no_fold,
             Status::Overthick => &mut self.overthick,
             Status::FjordClosed => &mut self.fjord_closed,
             Status::Failed | Status::Refused => &mut self.failed,

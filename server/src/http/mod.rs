@@ -8,9 +8,11 @@ pub mod extract;
 pub mod runs;
 pub mod submit;
 pub mod sweeps;
+pub mod tables;
 pub mod verbs;
 
 use crate::domain::dictionary::Dictionary;
+use crate::domain::status::Verb;
 use crate::domain::sweep::Limits;
 use crate::store::Store;
 use axum::Router;
@@ -54,11 +56,14 @@ pub const MOST_BYTES: usize = 64 << 20;
 const READ_ON: usize = 2;
 
 #[derive(OpenApi)]
-#[openapi(info(
-    title = "melange",
-    description = "Parameter sweeps and ensembles of the quasi-one-dimensional ice mélange model of \
-                   Amundson et al. (2025). Errors are application/problem+json."
-))]
+#[openapi(
+    info(
+        title = "melange",
+        description = "Parameter sweeps and ensembles of the quasi-one-dimensional ice mélange model of \
+                       Amundson et al. (2025). Errors are application/problem+json."
+    ),
+    components(schemas(Verb))
+)]
 struct Api;
 
 /// All routes.
@@ -66,7 +71,8 @@ pub fn router(service: Service) -> Router {
     let (router, api) = documented().split_for_parts();
     let most_read = service.most_bytes.saturating_mul(READ_ON);
     // Parquet is compressed already.
-    let compressed = DefaultPredicate::new().and(NotForContentType::const_new(runs::PARQUET_TYPE));
+    let compressed =
+        DefaultPredicate::new().and(NotForContentType::const_new(tables::PARQUET_TYPE));
     router
         .route("/api/v1/openapi.json", get(openapi))
         .fallback(dashboard::file)
@@ -91,10 +97,18 @@ fn documented() -> OpenApiRouter<Service> {
             .routes(routes!(verbs::verb))
             .routes(routes!(events::events))
             .routes(routes!(runs::of_sweep))
-            .routes(routes!(runs::runs_parquet))
-            .routes(routes!(runs::runs_csv))
-            .routes(routes!(runs::profiles_parquet))
-            .routes(routes!(runs::series_parquet))
+            .routes(routes!(tables::runs_parquet))
+            .routes(routes!(tables::runs_csv))
+            .routes(routes!(tables::profiles_parquet))
+            .routes(routes!(tables::series_parquet))
+            .routes(routes!(tables::branches_parquet))
+            .routes(routes!(tables::branches_csv))
+            .routes(routes!(tables::sensitivities_parquet))
+            .routes(routes!(tables::sensitivities_csv))
+            .routes(routes!(tables::calibrations_parquet))
+            .routes(routes!(tables::calibrations_csv))
+            .routes(routes!(tables::roots_parquet))
+            .routes(routes!(tables::roots_csv))
             .routes(routes!(runs::one)),
     )
 }

@@ -1,29 +1,20 @@
-//! Runs over REST: lists, single results, bulk tables.
+//! Runs over REST: lists and single results.
 
 use super::Service;
 use super::error::Problem;
 use super::extract::{Asked, NothingAsked, Place};
 use super::sweeps::page_limit;
-use crate::archive::bulk::{Format, gather};
 use crate::archive::catalogue::{self, Order, RunRow, Total};
 use crate::archive::read;
-use crate::archive::schema::Kind;
 use crate::domain::filter::Filter;
 use crate::domain::outcome::Outcome;
 use crate::domain::refusal::Refusal;
 use crate::queue;
 use axum::Json;
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use tokio_util::io::ReaderStream;
 use utoipa::{IntoParams, ToSchema};
-
-/// Media type of Parquet.
-pub const PARQUET_TYPE: &str = "application/vnd.apache.parquet";
 
 /// Which runs, in which order.
 #[derive(Debug, Default, Deserialize, IntoParams)]
@@ -120,91 +111,4 @@ pub async fn one(
     let outcome = read::stored(&service.store, &id).await?;
     let outcome = outcome.ok_or_else(|| Problem::not_found("run", &id))?;
     Ok(Json(outcome))
-}
-
-/// All runs of a sweep that have ended, as Parquet.
-#[utoipa::path(
-    get, path = "/sweeps/{id}/runs.parquet", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 400, body = Problem), (status = 404, body = Problem))
-)]
-pub async fn runs_parquet(
-    State(service): State<Service>,
-    Place(id): Place<String>,
-    _: NothingAsked,
-) -> Result<Response, Problem> {
-    bulk(&service, &id, Kind::Runs, Format::Parquet).await
-}
-
-/// All runs of a sweep that have ended, as CSV.
-#[utoipa::path(
-    get, path = "/sweeps/{id}/runs.csv", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "text/csv"), (status = 400, body = Problem), (status = 404, body = Problem))
-)]
-pub async fn runs_csv(
-    State(service): State<Service>,
-    Place(id): Place<String>,
-    _: NothingAsked,
-) -> Result<Response, Problem> {
-    bulk(&service, &id, Kind::Runs, Format::Csv).await
-}
-
-/// All stored profiles of a sweep, as Parquet.
-#[utoipa::path(
-    get, path = "/sweeps/{id}/profiles.parquet", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 400, body = Problem), (status = 404, body = Problem))
-)]
-pub async fn profiles_parquet(
-    State(service): State<Service>,
-    Place(id): Place<String>,
-    _: NothingAsked,
-) -> Result<Response, Problem> {
-    bulk(&service, &id, Kind::Profiles, Format::Parquet).await
-}
-
-/// All time series of a sweep, as Parquet.
-#[utoipa::path(
-    get, path = "/sweeps/{id}/series.parquet", params(("id" = String, Path,)),
-    responses((status = 200, content_type = "application/vnd.apache.parquet"), (status = 400, body = Problem), (status = 404, body = Problem))
-)]
-pub async fn series_parquet(
-    State(service): State<Service>,
-    Place(id): Place<String>,
-    _: NothingAsked,
-) -> Result<Response, Problem> {
-    bulk(&service, &id, Kind::Series, Format::Parquet).await
-}
-
-async fn bulk(
-    service: &Service,
-    id: &str,
-    kind: Kind,
-    format: Format,
-) -> Result<Response, Problem> {
-    let in_use = service.store.files_in_use().await;
-    let mut tx = service.store.read().await?;
-    let sweep = queue::sweep_in_brief(&mut tx, id).await?;
-    let sweep = sweep.ok_or_else(|| Problem::not_found("sweep", id))?;
-    let layout = catalogue::layout(&mut tx, sweep.number, kind).await?;
-    drop(tx);
-    let archive = service.store.archive();
-    let (file, length) = tokio::task::spawn_blocking(move || {
-        let _in_use = in_use;
-        gather(&archive, &layout, kind, format)
-    })
-    .await??;
-    let (content_type, ending) = match format {
-        Format::Parquet => (PARQUET_TYPE, "parquet"),
-        Format::Csv => ("text/csv; charset=utf-8", "csv"),
-    };
-    /// Bytes read at once: each reading is a turn of another thread.
-    const AT_ONCE: usize = 1 << 18;
-    let file = tokio::fs::File::from_std(file);
-    let body = Body::from_stream(ReaderStream::with_capacity(file, AT_ONCE));
-    let disposition = format!("attachment; filename=\"{id}-{}.{ending}\"", kind.name());
-    let headers = [
-        (header::CONTENT_TYPE, content_type.to_owned()),
-        (header::CONTENT_DISPOSITION, disposition),
-        (header::CONTENT_LENGTH, length.to_string()),
-    ];
-    Ok((headers, body).into_response())
 }

@@ -367,14 +367,20 @@ fn faults(service: &Process, known: &Sweep, sweep: &Value) -> anyhow::Result<Vec
     };
     note("runs", tables::fault_of_runs(&runs, total));
     note("profiles", Table::read(profiles).and_then(|t| tables::fault_of_rows(&t, &runs)));
-    let series = Table::read(series).and_then(|series| {
-        if shape.is_transient {
-            return tables::fault_of_rows(&series, &runs);
-        }
-        let rows = series.ids()?.len();
-        Ok((rows > 0).then(|| format!("steady runs have {rows} rows")))
-    });
-    note("series", series);
+    let sensitivities = table("sensitivities")?;
+    for (name, bytes, is_there) in [
+        ("series", series, shape.is_transient),
+        ("sensitivities", sensitivities, !shape.is_transient),
+    ] {
+        let fault = Table::read(bytes).and_then(|rows| {
+            if is_there {
+                return tables::fault_of_rows(&rows, &runs);
+            }
+            let rows = rows.ids()?.len();
+            Ok((rows > 0).then(|| format!("there are {rows} rows and should be none")))
+        });
+        note(name, fault);
+    }
     Ok(wrong)
 }
 

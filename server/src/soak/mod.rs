@@ -1,6 +1,7 @@
-//! What strains the program for long: the solver with parameters drawn at random, the service with kills;
+//! What strains the program for long: solver and branches with parameters drawn at random, the service with kills;
 //! and what the service takes beside the bare solver. Everything random depends on a seed alone.
 
+pub mod branches;
 pub mod engine;
 mod process;
 mod shapes;

@@ -19,7 +19,7 @@ pub struct Shape {
     pub document: Value,
     /// Its runs.
     pub runs: i64,
-    /// Whether its runs have time series.
+    /// Whether its runs have time series, and not sensitivities.
     pub is_transient: bool,
 }
 
@@ -60,6 +60,9 @@ pub fn shape(seed: u64, number: u64) -> Shape {
         document["regime"] = json!("transient");
         document["start"] = json!("steady");
         document["time"] = json!({"duration_a": 0.1, "fixed_dt_a": 0.02});
+    } else {
+        // So that there is a long table too.
+        document["options"] = json!({"sensitivities": true});
     }
     Shape { document, runs: (MELTS * widths.max(2)) as i64, is_transient }
 }

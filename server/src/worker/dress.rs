@@ -1,11 +1,15 @@
 //! What a solve came to, dressed as an outcome: every number of it, read off the state.
 
 use super::record::{Record, profile};
+use crate::domain::calibrated::{Calibrated, CalibrationRow};
+use crate::domain::curve::{BranchCurve, CurveRow, FoldCurve};
+use crate::domain::discrete_root::RootRow;
 use crate::domain::document::Regime;
 use crate::domain::outcome::{
     EffectiveParameters, GridErrorDetail, GridQuantity, Outcome, Scalars, TransectProfile,
 };
 use crate::domain::run::RunSpec;
+use crate::domain::sensitivity::SensitivityRow;
 use crate::domain::status::Status;
 use melange_solver::Model;
 use melange_solver::diagnose::{
@@ -13,7 +17,6 @@ use melange_solver::diagnose::{
 };
 use melange_solver::force;
 use melange_solver::grid_error::{Convergence, GridError};
-use melange_solver::params::Parameters;
 use melange_solver::state::State;
 use melange_solver::transect::transect;
 
@@ -33,14 +36,22 @@ pub struct Ended {
     pub attempts: u64,
     /// Last state.
     pub state: Option<State>,
-    /// Parameters in force at the end, where they differ from the run's.
-    pub parameters: Option<Parameters>,
+    /// The model in force at the end, where it differs from the run's.
+    pub model: Option<Model>,
     /// X₀ at the end, m.
     pub terminus_x_m: f64,
     /// Which rule picked the root.
     pub root_evidence: Option<&'static str>,
     /// Time reached and what was recorded, of a transient.
     pub transient: Option<(f64, Record)>,
+    /// Rows of a branch or a curve of folds.
+    pub curve: Vec<CurveRow>,
+    /// Rows of a calibration.
+    pub calibrated: Vec<CalibrationRow>,
+    /// Derivatives, if asked.
+    pub sensitivities: Vec<SensitivityRow>,
+    /// Discrete roots, if asked.
+    pub discrete_roots: Vec<RootRow>,
     /// What three grids say, if asked, or why they say nothing.
     pub grid_error: Option<Result<GridError, String>>,
 }
@@ -56,10 +67,14 @@ impl Ended {
             residual_history: None,
             attempts: 1,
             state: None,
-            parameters: None,
+            model: None,
             terminus_x_m: 0.0,
             root_evidence: None,
             transient: None,
+            curve: Vec::new(),
+            calibrated: Vec::new(),
+            sensitivities: Vec::new(),
+            discrete_roots: Vec::new(),
             grid_error: None,
         }
     }
@@ -67,10 +82,7 @@ impl Ended {
 
 /// The outcome of a run; its numbers are those of the parameters in force at the end.
 pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
-    let model = match ended.parameters {
-        Some(parameters) => run.model.with_parameters(parameters),
-        None => run.model.clone(),
-    };
+    let model = ended.model.clone().unwrap_or_else(|| run.model.clone());
     let told = ended.grid_error.as_ref().map(|told| told.as_ref().map(grid_error_detail));
     let mut scalars =
         ended.state.as_ref().map_or_else(Scalars::default, |s| scalars(run, &model, &ended, s));
@@ -100,6 +112,11 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
     };
     let finite = |norms: Vec<f64>| norms.into_iter().filter(|norm| norm.is_finite()).collect();
     let residual_history: Option<Vec<f64>> = ended.residual_history.map(finite);
+    let curve = Some(ended.curve).filter(|rows| !rows.is_empty());
+    let (branch, fold_curve) = match run.shared.regime {
+        Regime::FoldCurve => (None, curve.map(FoldCurve)),
+        _ => (curve.map(BranchCurve), None),
+    };
     Outcome {
         status: ended.status,
         detail: ended.detail,
@@ -117,6 +134,11 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
         profile: ended.state.as_ref().map(profile),
         series,
         states,
+        branch,
+        fold_curve,
+        calibration: Some(ended.calibrated).filter(|rows| !rows.is_empty()).map(Calibrated),
+        sensitivities: ended.sensitivities,
+        discrete_roots: ended.discrete_roots,
         transects,
     }
 }
@@ -134,7 +156,7 @@ fn scalars(run: &RunSpec, model: &Model, ended: &Ended, s: &State) -> Scalars {
         velocity_end_m_per_a: Some(s.velocity_m_per_a[s.n_cells()]),
         volume_m3: Some(force::volume_m3(model, s, x_m)),
         residual_norm: Some(ended.residual_norm),
-        mass_budget_defect: (run.shared.regime == Regime::Steady).then(|| budget.steady_defect()),
+        mass_budget_defect: is_steady(run.shared.regime).then(|| budget.steady_defect()),
         yielding_fraction: Some(force::yielding_fraction(model, s)),
         terminus_x_m: record.map(|_| x_m),
         inflow_m3_per_a: Some(budget.inflow_m3_per_a),
@@ -147,6 +169,11 @@ fn scalars(run: &RunSpec, model: &Model, ended: &Ended, s: &State) -> Scalars {
         cfl_number: record.map(|r| r.cfl_number),
         ..Scalars::default()
     }
+}
+
+/// Whether the state of a result is a steady one.
+fn is_steady(regime: Regime) -> bool {
+    matches!(regime, Regime::Steady | Regime::Branch | Regime::FoldCurve | Regime::Calibration)
 }
 
 fn transect_profile(model: &Model, s: &State, terminus_x_m: f64, chi: f64) -> TransectProfile {

@@ -1,6 +1,10 @@
 //! One run through the solver: a checked run in, an outcome out. Knows no queue and no archive.
 
 mod attempts;
+mod calibrated;
+mod discrete_roots;
+mod following;
+mod sensitivities;
 
 use self::attempts::{
     Attempts, FINER, FINER_STEPS, Found, another_may_help, by_way_of_a_wedge, continued, in_steps,
@@ -109,6 +113,12 @@ impl Walker {
         if let Some(given) = run.shared.given {
             return Some(self.at_rest(given));
         }
+        if let Some(following) = &run.shared.following {
+            return following::followed(run, following, stop);
+        }
+        if let Some(what) = &run.shared.calibrating {
+            return calibrated::calibrated(run, what, stop);
+        }
         let prepared = match self.prepared(run, start, stop) {
             Ok(prepared) => prepared,
             Err(Halt::Ended(ended)) => return Some(*ended),
@@ -121,8 +131,23 @@ impl Walker {
             Regime::Steady => "steady state, picked by the limit of the smoothed rheology",
             _ => "velocity, fluidity and friction solved at the given geometry",
         };
-        let mut ended = solved(prepared.solution, detail).after(&prepared.attempts);
+        let (rows, phrase) = if run.shared.discrete_roots {
+            discrete_roots::discrete_roots(&run.model, &prepared.solution)
+        } else {
+            (Vec::new(), None)
+        };
+        let detail = phrase.map_or(detail.to_owned(), |phrase| format!("{detail}; {phrase}"));
+        let mut ended = solved(prepared.solution, &detail).after(&prepared.attempts);
+        ended.discrete_roots = rows;
         ended.terminus_x_m = prepared.terminus_x_m;
+        if run.shared.sensitivities {
+            let own = ended.state.as_ref().expect("a solution has a state");
+            match sensitivities::sensitivities(&run.model, own) {
+                Ok(told) => ended.sensitivities = told,
+                // They take nothing from the run's own numbers.
+                Err(e) => ended.detail += &format!("; no sensitivities: {e}"),
+            }
+        }
         if run.shared.grid_error {
             let own = ended.state.as_ref().expect("a solution has a state");
             // A grid without an answer takes nothing from the run's own.
@@ -361,7 +386,7 @@ impl Walker {
             iterations: spent + end.iterations,
             residual_norm: end.residual_norm,
             state: Some(end.state),
-            parameters: Some(end.parameters),
+            model: Some(run.model.with_parameters(end.parameters)),
             terminus_x_m: end.terminus_x_m,
             transient: Some((end.time_a, recorder.record)),
             ..Ended::verdict(status, String::new())

@@ -89,6 +89,32 @@ impl<const KL: usize, const KU: usize> Bordered<KL, KU> {
         pulp::Arch::new().dispatch(Solve(self, rhs));
     }
 
+    /// Solves with the transposed matrix for one right-hand side, in place, with the factors.
+    pub fn solve_transposed(&self, rhs: &mut [f64]) {
+        let n = self.rows();
+        for k in 0..n - 1 {
+            let value = rhs[k] * self.inverse_pivots[k];
+            rhs[k] = value;
+            let row = &self.band.row_from(k, k)[1..KL + KU + 1];
+            for (r, u) in rhs[k + 1..n - 1].iter_mut().zip(row) {
+                *r -= u * value;
+            }
+            rhs[n - 1] -= self.border[k] * value;
+        }
+        rhs[n - 1] /= self.border[n - 1];
+        for k in (0..n - 1).rev() {
+            let below = rhs[k + 1..].iter().zip(&self.multipliers[k]);
+            let known: f64 = below.map(|(r, factor)| r * factor).sum();
+            rhs[k] -= known;
+            rhs.swap(k, self.pivots[k]);
+        }
+    }
+
+    /// Replaces the dense last column.
+    pub fn set_border(&mut self, column: &[f64]) {
+        self.border.copy_from_slice(column);
+    }
+
     #[inline(always)]
     fn eliminate(&mut self) -> Result<(), Singular> {
         let n = self.rows();

@@ -1,6 +1,7 @@
 //! Conservation of mass and the condition that fixes the length: residual and Jacobian rows.
 //! What replaces the first row stands in `closure`; knows no other equation.
 
+use super::given::Given;
 use super::quasi_static::Size;
 use super::{Medium, Sink, closure};
 use crate::state::{State, Var};
@@ -53,12 +54,10 @@ pub fn residual<S: Sink>(m: &Medium, before: Option<Before<'_>>, s: &State, out:
     closure::first_row(m, before, s, out);
     for c in 1..n {
         let row = Var::H(c);
-        let upstream = s.thickness_m[c - 1];
         let h = s.thickness_m[c];
-        // C9: one-sided at the last cell, centred elsewhere.
-        let (right, span) = if c + 1 < n { (c + 1, 2.0) } else { (c, 1.0) };
+        let (right, span) = downstream(n, c);
         let chi = (c as f64 + 0.5) / n as f64;
-        let gradient = (s.thickness_m[right] - upstream) / (span * s.dx_m());
+        let gradient = gradient(s, c);
         let grid_motion = chi * length_rate * gradient;
         let divergence = flux_difference(m, s, [c - 1, c], c, row, out);
         let storage = before.map_or(0.0, |b| (h - b.thickness_m[c]) * inverse_dt);
@@ -80,6 +79,25 @@ pub(super) fn end<S: Sink>(m: &Medium, s: &State, out: &mut S) {
     out.residual(Var::L, s.thickness_end_m() - m.parameters.d_m);
     out.slope(Var::L, Var::H(n - 1), 1.5);
     out.slope(Var::L, Var::H(n - 2), -0.5);
+    out.given(Var::L, Given::IcebergSize, -1.0);
+}
+
+/// The cell on whose thickness ∂H/∂x of a cell depends besides the one up-fjord, and how many Δx lie between
+/// them (C9): one-sided at the last cell, centred elsewhere.
+fn downstream(n_cells: usize, cell: usize) -> (usize, f64) {
+    if cell + 1 < n_cells { (cell + 1, 2.0) } else { (cell, 1.0) }
+}
+
+/// ∂H/∂x of a cell but the first (C9).
+fn gradient(s: &State, cell: usize) -> f64 {
+    let (right, span) = downstream(s.n_cells(), cell);
+    (s.thickness_m[right] - s.thickness_m[cell - 1]) / (span * s.dx_m())
+}
+
+/// −χ ∂H/∂x, by which dL/dτ stands beside ∂H/∂τ in the row of a cell but the first.
+pub fn storage_by_length(s: &State, cell: usize) -> f64 {
+    let chi = (cell as f64 + 0.5) / s.n_cells() as f64;
+    -chi * gradient(s, cell)
 }
 
 /// (flux out of cell `from[1]` − flux out of cell `from[0]`)/(W_c Δx) in m a⁻¹, where a cell's flux is
@@ -102,11 +120,10 @@ pub(super) fn flux_difference<S: Sink>(
         let by_node = sign * 0.5 * h * w * per_area;
         out.slope(row, Var::U(k), by_node);
         out.slope(row, Var::U(k + 1), by_node);
-        m.slope_by_place(row, k, sign * speed * h * per_area * m.cell_width_by_x(k), out);
+        m.slope_by_width(row, k, sign * speed * h * per_area, out);
     }
     out.slope(row, Var::L, -total / s.length_m);
-    let by_own_width = -total / m.cell_width(cell);
-    m.slope_by_place(row, cell, by_own_width * m.cell_width_by_x(cell), out);
+    m.slope_by_width(row, cell, -total / m.cell_width(cell), out);
     total
 }
 

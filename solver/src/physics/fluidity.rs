@@ -1,5 +1,6 @@
 //! Longitudinal granular fluidity g^x: residual and Jacobian rows. Knows no other equation.
 
+use super::given::Given;
 use super::{Medium, Sink, local_fluidity_rate};
 use crate::params::Parameters;
 use crate::state::{State, Var};
@@ -83,6 +84,15 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
         out.slope(row, Var::U(c), -by_strain / dx);
         out.slope(row, Var::U(c + 1), by_strain / dx);
         out.slope(row, Var::L, (-2.0 * curvature - by_strain * strain) / s.length_m);
+        // ε̇ is rounded by a share of δε̇, which so enters μ twice.
+        let rounding = m.smoothing * m.smoothing * p.strain_rate_regularisation_per_a;
+        let shear_by_regularisation = 1.0 + if rounding > 0.0 { rounding / magnitude } else { 0.0 };
+        out.given(row, Given::Regularisation, by_mu * shear_by_regularisation / g);
+        let by_log_cooperativity = 2.0 * coupling * (g - local);
+        out.given(row, Given::A, by_log_cooperativity / p.A);
+        out.given(row, Given::IcebergSize, (by_log_cooperativity - by_local) / p.d_m);
+        out.given(row, Given::B, -by_local / p.b);
+        out.given(row, Given::MuS, -by_excess / mu);
     }
 }
 

@@ -156,6 +156,71 @@ impl Jacobian {
         dense
     }
 
+    /// ∂(rows)/∂L, before factorisation.
+    pub fn length_column(&self, out: &mut [f64]) {
+        let place = 3 * self.n_cells + 1;
+        let (core, mu_w) = out.split_at_mut(core_unknowns(self.n_cells));
+        for (i, entry) in core.iter_mut().enumerate() {
+            *entry = self.core.get(i, place);
+        }
+        for (entry, friction) in mu_w.iter_mut().zip(&self.friction) {
+            *entry = friction.by_l;
+        }
+        if self.feedback.is_used {
+            let by_length = self.feedback.row[place];
+            out.iter_mut()
+                .zip(&self.feedback.column)
+                .for_each(|(entry, c)| *entry += c * by_length);
+        }
+    }
+
+    /// Puts another unknown in L's place, with this column; before factorisation.
+    pub fn replace_length(&mut self, column: &[f64]) {
+        let (core, mu_w) = column.split_at(core_unknowns(self.n_cells));
+        self.core.set_border(core);
+        for (friction, entry) in self.friction.iter_mut().zip(mu_w) {
+            friction.by_l = *entry;
+        }
+        self.feedback.row[3 * self.n_cells + 1] = 0.0;
+    }
+
+    /// Solves with the transposed matrix, in place, with the factors.
+    pub fn solve_transposed(&self, rhs: &mut [f64]) {
+        let Feedback { is_used, row, solved, denominator, .. } = &self.feedback;
+        if *is_used {
+            let share = dot(solved, rhs) / denominator;
+            rhs.iter_mut().zip(row).for_each(|(x, r)| *x -= share * r);
+        }
+        let (core, mu_w) = rhs.split_at_mut(core_unknowns(self.n_cells));
+        for (j, (elimination, mu_w)) in self.eliminated.iter().zip(&mut *mu_w).enumerate() {
+            match elimination {
+                Elimination::Transverse { .. } => {
+                    *mu_w /= self.friction[j].by_mu;
+                    for (place, value) in self.friction_row(j) {
+                        core[place] -= value * *mu_w;
+                    }
+                }
+                Elimination::Stress { row, .. } => {
+                    *mu_w /= self.stress_by_mu[j];
+                    for (value, place) in row.iter().zip(self.stress_places(j)) {
+                        core[place] -= value * *mu_w;
+                    }
+                }
+            }
+        }
+        self.core.solve_transposed(core);
+        for (j, (elimination, mu_w)) in self.eliminated.iter().zip(mu_w).enumerate() {
+            match elimination {
+                Elimination::Transverse { share } => *mu_w -= share * core[3 * j],
+                Elimination::Stress { share, .. } => {
+                    let stress = *mu_w;
+                    *mu_w = core[3 * j];
+                    core[3 * j] = stress - share * *mu_w;
+                }
+            }
+        }
+    }
+
     /// Columns of a node's balance of stresses in the core.
     fn stress_places(&self, node: usize) -> [usize; 8] {
         std::array::from_fn(|k| if k < 7 { 3 * node + k - 3 } else { 3 * self.n_cells + 1 })

@@ -4,21 +4,27 @@
 pub mod closure;
 pub mod continuity;
 pub mod fluidity;
+pub mod given;
 pub mod jacobian;
 pub mod momentum;
 pub mod quasi_static;
+pub(crate) mod rows;
 pub mod sidewall;
 pub mod terminus;
 
 use crate::fjord::Fjord;
 use crate::melt::{MeltShape, Place};
 use crate::newton::{OutsideDomain, System};
-use crate::params::{GRAVITY, ICE_DENSITY, Parameters, SECONDS_PER_YEAR, WATER_DENSITY};
+use crate::params::{
+    DAYS_PER_YEAR, GRAVITY, ICE_DENSITY, Parameters, SECONDS_PER_YEAR, WATER_DENSITY,
+};
 use crate::state::{State, Var, core_unknowns, scale, unknowns};
 use closure::UpstreamClosure;
 use continuity::MassBalance;
 use fluidity::Relaxation;
+use given::{Given, Rates};
 use jacobian::Jacobian;
+use rows::{ResidualOnly, RowScales, Weighted, WithColumn, WithJacobian};
 use sidewall::{MeanSpeed, Section};
 use terminus::{Advance, Terminus};
 
@@ -28,6 +34,12 @@ pub trait Sink {
     fn residual(&mut self, row: Var, value: f64);
     /// Adds ∂(row)/∂(unknown).
     fn slope(&mut self, row: Var, by: Var, value: f64);
+    /// Adds ∂(row)/∂(what is given), for who asks how the equations change with it.
+    #[inline(always)]
+    fn given(&mut self, _row: Var, _by: Given, _value: f64) {}
+    /// Says that a cell's melt rate in m a⁻¹ is added to a row.
+    #[inline(always)]
+    fn melt(&mut self, _row: Var, _cell: usize) {}
 }
 
 /// Everything but the state that an equation may read.
@@ -50,8 +62,11 @@ pub struct Medium<'a> {
 /// What the place of a cell decides, and its slope along the fjord.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
+    /// Along the bedrock.
+    x_m: f64,
     width: f64,
     width_by_x: f64,
+    melt_factor: f64,
     melt: f64,
     melt_by_x: f64,
 }
@@ -63,12 +78,6 @@ impl Medium<'_> {
         self.cells[cell].width
     }
 
-    /// ∂W/∂x of a cell.
-    #[inline(always)]
-    pub fn cell_width_by_x(&self, cell: usize) -> f64 {
-        self.cells[cell].width_by_x
-    }
-
     /// Melt rate of a cell, positive, m a⁻¹.
     #[inline(always)]
     pub fn melt_m_per_a(&self, cell: usize) -> f64 {
@@ -78,6 +87,8 @@ impl Medium<'_> {
     /// Slopes of a mass row, to which a cell's melt rate is added.
     #[inline(always)]
     pub fn slope_by_melt<S: Sink>(&self, row: Var, cell: usize, out: &mut S) {
+        out.melt(row, cell);
+        out.given(row, Given::MeltRate, DAYS_PER_YEAR * self.cells[cell].melt_factor);
         let by_x = self.cells[cell].melt_by_x;
         if self.melt_shape.depends_on_bedrock() {
             self.slope_by_place(row, cell, by_x, out);
@@ -106,8 +117,16 @@ impl Medium<'_> {
     #[inline(always)]
     pub fn slope_by_node_width<S: Sink>(&self, row: Var, node: usize, by_w: f64, out: &mut S) {
         for cell in self.beside(node) {
-            self.slope_by_place(row, cell, 0.5 * by_w * self.cells[cell].width_by_x, out);
+            self.slope_by_width(row, cell, 0.5 * by_w, out);
         }
+    }
+
+    /// Slopes of a row that depends on a cell's width, by ∂(row)/∂W.
+    #[inline(always)]
+    pub fn slope_by_width<S: Sink>(&self, row: Var, cell: usize, by_w: f64, out: &mut S) {
+        out.given(row, Given::Width, by_w);
+        out.given(row, Given::WidthGradient, by_w * self.cells[cell].x_m);
+        self.slope_by_place(row, cell, by_w * self.cells[cell].width_by_x, out);
     }
 
     /// χ of a cell's centre.
@@ -203,10 +222,13 @@ impl<'a> Equations<'a> {
             let chi = (c as f64 + 0.5) / state.n_cells() as f64;
             let place = Place { chi, x_m: chi * state.length_m, terminus_x_m: terminus.x_m };
             let x_m = terminus.x_m + place.x_m;
+            let melt_factor = problem.melt_shape.factor(place);
             *cell = Cell {
+                x_m,
                 width: fjord.width(x_m),
                 width_by_x: fjord.slope(x_m),
-                melt: p.melt_rate_m_per_a() * problem.melt_shape.factor(place),
+                melt_factor,
+                melt: p.melt_rate_m_per_a() * melt_factor,
                 melt_by_x: p.melt_rate_m_per_a() * problem.melt_shape.slope_by_x(place),
             };
         }
@@ -233,6 +255,36 @@ impl<'a> Equations<'a> {
             MassBalance::AtRest(size) => quasi_static::residual(&medium, size, state, out),
         }
         Ok(())
+    }
+
+    /// Residual and Jacobian at x, and ∂F/∂p along a control at whose speed what is given changes.
+    pub fn linearise_along(
+        &mut self,
+        x: &[f64],
+        residual: &mut [f64],
+        jacobian: &mut Jacobian,
+        rates: &Rates,
+        column: &mut [f64],
+    ) -> Result<(), OutsideDomain> {
+        let rows = self.rows();
+        jacobian.clear();
+        column.fill(0.0);
+        let inner = WithJacobian { rows, residual, jacobian };
+        self.assemble(x, &mut WithColumn { inner, rates, column })
+    }
+
+    /// λᵀ ∂F/∂(what is given) at x: by the scalars, and by the melt rate of each cell in m a⁻¹.
+    pub fn weighted_slopes(
+        &mut self,
+        x: &[f64],
+        weights: &[f64],
+        melt: &mut [f64],
+    ) -> Result<Rates, OutsideDomain> {
+        let rows = self.rows();
+        let mut scalars = [0.0; Given::ALL.len()];
+        melt.fill(0.0);
+        self.assemble(x, &mut Weighted { rows, weights, scalars: &mut scalars, melt })?;
+        Ok(scalars)
     }
 
     fn rows(&self) -> RowScales {
@@ -264,72 +316,6 @@ fn inside_domain(s: &State) -> bool {
             .all(|(c, g)| *g > 0.0 && g + s.strain_rate_per_a(c) > 0.0)
 }
 
-/// Inverse units of the rows (Appendix B); those of the mass rows depend on what stands in them.
-#[derive(Debug, Clone, Copy)]
-struct RowScales {
-    n: usize,
-    first_mass: f64,
-    mass: f64,
-    length: f64,
-}
-
-impl RowScales {
-    #[inline(always)]
-    fn inverse_of(&self, row: Var) -> f64 {
-        match row {
-            Var::U(0) | Var::Mu(_) | Var::Calving => 1.0 / scale::VELOCITY,
-            Var::U(j) if j == self.n => 1.0 / scale::VELOCITY,
-            Var::U(_) => 1.0 / scale::MOMENTUM,
-            Var::G(c) if c == 0 || c + 1 == self.n => 1.0 / scale::FLUIDITY,
-            Var::G(_) => 1.0 / scale::FLUIDITY_CURVATURE,
-            Var::H(0) => self.first_mass,
-            Var::H(_) => self.mass,
-            Var::L => self.length,
-        }
-    }
-}
-
-struct ResidualOnly<'a> {
-    rows: RowScales,
-    residual: &'a mut [f64],
-}
-
-impl Sink for ResidualOnly<'_> {
-    #[inline(always)]
-    fn residual(&mut self, row: Var, value: f64) {
-        write(self.rows, self.residual, row, value);
-    }
-
-    #[inline(always)]
-    fn slope(&mut self, _: Var, _: Var, _: f64) {}
-}
-
-struct WithJacobian<'a> {
-    rows: RowScales,
-    residual: &'a mut [f64],
-    jacobian: &'a mut Jacobian,
-}
-
-impl Sink for WithJacobian<'_> {
-    #[inline(always)]
-    fn residual(&mut self, row: Var, value: f64) {
-        write(self.rows, self.residual, row, value);
-    }
-
-    #[inline(always)]
-    fn slope(&mut self, row: Var, by: Var, value: f64) {
-        let scaled = value * (by.scale() * self.rows.inverse_of(row));
-        self.jacobian.add(row, by, scaled);
-    }
-}
-
-#[inline(always)]
-fn write(rows: RowScales, residual: &mut [f64], row: Var, value: f64) {
-    if let Some(place) = row.index(rows.n) {
-        residual[place] = value * rows.inverse_of(row);
-    }
-}
-
 impl System for Equations<'_> {
     type Jacobian = Jacobian;
 
@@ -354,34 +340,39 @@ impl System for Equations<'_> {
     }
 
     fn longest_step(&self, x: &[f64], step: &[f64]) -> f64 {
-        /// Share of the way to a bound that one step may go.
-        const TOWARDS_BOUND: f64 = 0.9;
-        let n = self.scratch.state.n_cells();
-        let threshold = sidewall::threshold(self.problem.parameters, self.problem.smoothing);
-        let mut longest = 1.0_f64;
-        let mut bound = |room: f64, shrink: f64| {
-            if shrink > TOWARDS_BOUND * room && room > 0.0 {
-                longest = longest.min(TOWARDS_BOUND * room / shrink);
-            }
-        };
-        let mut keep_positive = |var: Var| {
-            if let Some(place) = var.index(n) {
-                bound(x[place], -step[place]);
-            }
-        };
-        for c in 0..n {
-            keep_positive(Var::H(c));
-            keep_positive(Var::G(c));
-        }
-        keep_positive(Var::L);
-        // A mélange may stick to the walls and come loose again, but one at rest, which moves with the
-        // terminus. Friction at the ends acts on nothing: only its own row keeps it from where no speed
-        // depends on it.
-        let nodes = if matches!(self.problem.balance, MassBalance::AtRest(_)) { 1 } else { n };
-        let mu_w = core_unknowns(n);
-        for node in (mu_w..=mu_w + n).step_by(nodes) {
-            bound(x[node].abs() - threshold, -step[node] * x[node].signum());
-        }
-        longest
+        longest_step(&self.problem, x, step)
     }
+}
+
+/// The longest share of a step of a problem's packed unknowns that keeps clear of the domain's bounds.
+pub(crate) fn longest_step(problem: &Problem<'_>, x: &[f64], step: &[f64]) -> f64 {
+    /// Share of the way to a bound that one step may go.
+    const TOWARDS_BOUND: f64 = 0.9;
+    let n = problem.parameters.n_cells;
+    let threshold = sidewall::threshold(problem.parameters, problem.smoothing);
+    let mut longest = 1.0_f64;
+    let mut bound = |room: f64, shrink: f64| {
+        if shrink > TOWARDS_BOUND * room && room > 0.0 {
+            longest = longest.min(TOWARDS_BOUND * room / shrink);
+        }
+    };
+    let mut keep_positive = |var: Var| {
+        if let Some(place) = var.index(n) {
+            bound(x[place], -step[place]);
+        }
+    };
+    for c in 0..n {
+        keep_positive(Var::H(c));
+        keep_positive(Var::G(c));
+    }
+    keep_positive(Var::L);
+    // A mélange may stick to the walls and come loose again, but one at rest, which moves with the
+    // terminus. Friction at the ends acts on nothing: only its own row keeps it from where no speed
+    // depends on it.
+    let nodes = if matches!(problem.balance, MassBalance::AtRest(_)) { 1 } else { n };
+    let mu_w = core_unknowns(n);
+    for node in (mu_w..=mu_w + n).step_by(nodes) {
+        bound(x[node].abs() - threshold, -step[node] * x[node].signum());
+    }
+    longest
 }

@@ -1,5 +1,6 @@
 //! Width-integrated balance of stresses: residual and Jacobian rows. Knows no other equation.
 
+use super::given::Given;
 use super::{Medium, Sink};
 use crate::params::{GRAVITY, ICE_DENSITY, WATER_DENSITY};
 use crate::state::{State, Var};
@@ -44,11 +45,14 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
     out.slope(Var::U(0), Var::U(0), 1.0);
     out.slope(Var::U(0), Var::H(0), 1.5 * inflow / h0);
     out.slope(Var::U(0), Var::H(1), -0.5 * inflow / h0);
+    out.given(Var::U(0), Given::CalvingRate, -m.terminus.thickness_m / h0);
+    out.given(Var::U(0), Given::TerminusThickness, -m.terminus.calving_rate_m_per_a / h0);
     if m.terminus.is_coupled {
         out.slope(Var::U(0), Var::Calving, -flux_by_calving / h0);
     }
 
-    let water = m.parameters.water_drag_n_per_m / (STRESS_UNIT_N_PER_M3 * s.length_m);
+    let water_by_drag = 1.0 / (STRESS_UNIT_N_PER_M3 * s.length_m);
+    let water = m.parameters.water_drag_n_per_m * water_by_drag;
     let mut left = stress(s, 0);
     for j in 1..n {
         let row = Var::U(j);
@@ -76,6 +80,7 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
         let stretch = (right.by_strain * strain_right - left.by_strain * strain_left) / dx;
         out.slope(row, Var::L, (slope - pull - stretch + water) / s.length_m);
         m.slope_by_node_width(row, j, drag / mean_w, out);
+        out.given(row, Given::WaterDrag, -water_by_drag);
         left = right;
     }
 

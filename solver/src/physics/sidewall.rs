@@ -13,6 +13,7 @@
 //! weights c. Its slopes cost one adjoint solve. The sections are independent: eight go side by
 //! side through each loop, which the compiler turns into vector instructions.
 
+use super::given::Given;
 use super::{Medium, Sink, local_fluidity_rate};
 use crate::params::Parameters;
 use crate::state::{State, Var};
@@ -50,6 +51,23 @@ pub struct MeanSpeed {
     pub by_h: f64,
     /// ∂ū/∂W, a⁻¹.
     pub by_w: f64,
+    /// κ ∂ū/∂κ, m a⁻¹, through which A and d act.
+    pub by_log_kappa: f64,
+}
+
+impl MeanSpeed {
+    /// Slopes of a row that ū is added to and U + U_t − U_c subtracted from, by what is given. Ψ is
+    /// homogeneous, Ψ(λμ_w, λμ_s, κ/λ) = λΨ, so that μ_w Ψ_μ + μ_s ∂Ψ/∂μ_s − κΨ_κ = Ψ.
+    #[inline(always)]
+    fn slopes_by_given<S: Sink>(&self, p: &Parameters, mu_w: f64, row: Var, out: &mut S) {
+        out.given(row, Given::TerminusVelocity, -1.0);
+        out.given(row, Given::CalvingRate, 1.0);
+        out.given(row, Given::B, -self.speed / p.b);
+        out.given(row, Given::A, -2.0 * self.by_log_kappa / p.A);
+        out.given(row, Given::IcebergSize, -(self.speed + 2.0 * self.by_log_kappa) / p.d_m);
+        let by_mu_s = (self.speed + self.by_log_kappa - mu_w * self.by_mu) / p.mu_s;
+        out.given(row, Given::MuS, by_mu_s);
+    }
 }
 
 /// One transect: signed μ_w, thickness and width in m.
@@ -104,12 +122,15 @@ pub fn mean_speeds(p: &Parameters, smoothing: f64, sections: &[Section], out: &m
             arch.dispatch(Flow { mu_s: p.mu_s, smoothing, mu_w: mu, kappa, sweep: &mut sweep });
         for (l, (s, out)) in sections.iter().zip(out).enumerate() {
             let unit = 2.0 * s.width_m / INTERVALS as f64 * local_fluidity_rate(p, s.thickness_m);
-            let speed = unit * psi[l] * s.mu_w.signum();
+            let unit_signed = unit * s.mu_w.signum();
+            let speed = unit_signed * psi[l];
+            let by_log_kappa = unit_signed * by_kappa[l] * kappa[l];
             *out = MeanSpeed {
                 speed,
                 by_mu: unit * by_mu[l],
                 by_h: 0.5 * speed / s.thickness_m,
-                by_w: (speed + unit * by_kappa[l] * 2.0 * kappa[l] * s.mu_w.signum()) / s.width_m,
+                by_w: (speed + 2.0 * by_log_kappa) / s.width_m,
+                by_log_kappa,
             };
         }
     }
@@ -322,6 +343,7 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, speeds: &[MeanSpeed], out: &mut 
             out.slope(row, Var::H(cell), mean.by_h * share);
         }
         m.slope_by_node_width(row, j, mean.by_w, out);
+        mean.slopes_by_given(m.parameters, s.mu_w[j], row, out);
         if m.terminus.is_coupled {
             out.slope(row, Var::Calving, 1.0);
         }

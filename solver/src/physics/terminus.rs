@@ -152,7 +152,7 @@ impl Terminus {
 }
 
 /// F/W of Eq. 30 and its slopes.
-struct Force {
+pub(crate) struct Force {
     value: f64,
     by_h0: f64,
     by_strain: f64,
@@ -160,7 +160,7 @@ struct Force {
 }
 
 impl Force {
-    fn at(s: &State) -> Self {
+    pub(crate) fn at(s: &State) -> Self {
         let (h0, g, strain) = (s.thickness_0_m(), s.fluidity_per_a[0], s.strain_rate_per_a(0));
         let at_rest = static_force_n_per_m(h0);
         let q = 1.0 / (g + strain);
@@ -173,7 +173,8 @@ impl Force {
         }
     }
 
-    fn slopes<S: Sink>(&self, s: &State, calving_by_force: f64, out: &mut S) {
+    /// Slopes of a calving rate by F, as those of the law's row.
+    pub(crate) fn slopes<S: Sink>(&self, s: &State, calving_by_force: f64, out: &mut S) {
         let row = Var::Calving;
         let by_velocity = calving_by_force * self.by_strain / s.dx_m();
         out.slope(row, Var::H(0), 1.5 * calving_by_force * self.by_h0);

@@ -2,6 +2,8 @@
 //! whole solves against published numbers.
 
 mod allocations;
+mod branches;
+mod calibration;
 mod diagnose;
 mod fjord;
 mod forcing;
@@ -13,7 +15,10 @@ mod parameters;
 mod quasi_static;
 mod reference;
 mod roots;
+mod sampling;
+mod sensitivities;
 mod sidewall;
+mod stability;
 mod transients;
 mod verdicts;
 

@@ -2,10 +2,13 @@
 
 use crate::{assert_all_close, assert_close, converged, model, steady};
 use melange_solver::Solver;
+use melange_solver::control::Setting;
 use melange_solver::diagnostic::wedge;
 use melange_solver::error::SolveError;
 use melange_solver::force::yielding_fraction;
 use melange_solver::params::Parameters;
+use melange_solver::roots::DiscreteRoot;
+use melange_solver::sensitivity::Linearised;
 use melange_solver::steady::SteadyVerdict;
 
 #[test]
@@ -154,5 +157,31 @@ fn a_start_that_is_no_geometry_is_refused() {
     {
         let error = solver.steady_from(&thickness, length_m).expect_err("no geometry");
         assert!(matches!(error, SolveError::UnusableState { .. }), "{error}");
+    }
+}
+
+/// The four roots of the base case that are known, and what tells them apart. All are stable.
+#[test]
+fn the_other_discrete_roots_of_the_base_case_are_found() {
+    let m = model(|_| ());
+    let roots =
+        Solver::new(m.clone()).discrete_roots().expect("a verdict").expect("a steady state");
+    assert!(roots[0].is_picked && roots[1..].iter().all(|root| !root.is_picked));
+    assert!(roots.iter().all(|root| root.residual_norm < 1e-9));
+    let near = |thickness_m: f64| {
+        let error = |root: &&DiscreteRoot| (root.state.thickness_0_m() - thickness_m).abs();
+        let root = roots.iter().min_by(|a, b| error(a).total_cmp(&error(b))).expect("roots");
+        assert!(error(&root) < 1e-4, "{thickness_m} m: {}", root.state.thickness_0_m());
+        root
+    };
+    assert!(near(149.415358).is_picked && near(149.415358).cells_at_rest.is_empty());
+    assert_eq!(near(149.415183).cells_at_rest, [48]);
+    assert_close("L", near(149.415183).state.length_m, 12_047.967_6, 1e-8);
+    assert!(near(149.415217).cells_at_rest.is_empty());
+    assert_eq!(near(148.0598).cells_at_rest, [1]);
+    let setting = Setting { model: m, law: None };
+    for root in &roots {
+        let linearised = Linearised::at(&setting, &root.state).expect("regular");
+        assert!(linearised.spectrum().expect("growth rates").is_stable());
     }
 }

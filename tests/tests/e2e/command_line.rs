@@ -124,7 +124,7 @@ fn bad_input_is_refused_with_field_value_and_range() {
         (r#"{"regime":"stead"}"#, "regime", "steady"),
         (r#"{"parameters":{}}"#, "regime", "missing"),
         (r#"{"regime":"steady","parametres":{}}"#, "parametres", "unknown field"),
-        (r#"{"regime":"branch"}"#, "regime", "not there yet"),
+        (r#"{"regime":"branch"}"#, "branch", "missing"),
         (r#"{"regime":"steady","sample":{}}"#, "sample", "method"),
         (r#"{"regime":"steady","tags":["a"]}"#, "tags", "belongs to a sweep"),
         (

@@ -1,13 +1,17 @@
 //! End to end: what a user does with the binary, and what must not happen to their data.
 
 mod architecture;
+mod branches;
 mod browser;
+mod calibrations;
 mod command_line;
+mod discrete_roots;
 mod engine;
 mod faults;
 mod reproduction;
 mod rest;
 mod scenarios;
+mod sensitivities;
 mod soak;
 mod storage;
 mod tables;

@@ -257,9 +257,15 @@ fn damaged_and_missing_files_are_told_and_their_runs_solved_again() {
 }
 
 #[test]
-fn a_directory_of_an_older_version_is_brought_up_to_date() {
+fn directories_of_older_versions_are_brought_up_to_date() {
+    for fixture in ["data-schema-2", "data-schema-3"] {
+        is_brought_up_to_date(fixture);
+    }
+}
+
+fn is_brought_up_to_date(fixture: &str) {
     let folder = folder();
-    copy(&root().join("tests/fixtures/data-schema-2"), folder.path());
+    copy(&root().join("tests/fixtures").join(fixture), folder.path());
     let server = Server::start("serve", folder.path(), &[]);
     let sweeps = server.json("/api/v1/sweeps");
     let sweep = |name: &str| {
@@ -292,6 +298,7 @@ fn a_directory_of_an_older_version_is_brought_up_to_date() {
         assert_eq!(rows(&server, id, "runs"), runs);
         assert_eq!(rows(&server, id, "profiles"), profiles);
         assert_eq!(rows(&server, id, "series"), series);
+        assert_eq!(rows(&server, id, "branches"), 0);
         // What it holds need not be solved again.
         let again = server.submit(&sweep["spec"]);
         assert_eq!(server.wait(&again)["reused"], runs);

@@ -146,3 +146,32 @@ fn a_transient_that_fails_at_every_accuracy_has_the_rows_of_one_attempt() {
     let Series { time_a, .. } = outcome.series.expect("rows");
     assert!(time_a.len() > 1 && time_a.windows(2).all(|t| t[0] < t[1]), "{time_a:?}");
 }
+
+#[test]
+fn branches_folds_and_calibrations_stop_when_told_to() {
+    let along = json!({"control": "melt_rate_m_per_day", "from": 0.1, "to": 2.0});
+    let mut folds = along.clone();
+    for (name, value) in [("second_from", 2e3), ("second_to", 8e3)] {
+        folds[name] = value.into();
+    }
+    folds["second"] = "width_m".into();
+    let observed = json!([{"quantity": "length_m", "value": 1e4, "standard_error": 10}]);
+    let found = json!({"parameters": {"b": [1e3, 1e5]}, "observations": observed});
+    for (regime, member) in [("branch", along), ("fold_curve", folds), ("calibration", found)] {
+        let parameters = json!({"melt_rate_m_per_day": 0.35, "width_m": 5600, "n_cells": 20});
+        let mut document =
+            json!({"regime": regime, "melt_shape": "linear", "parameters": parameters});
+        document[regime] = member;
+        let run = run(&document);
+        for after in [0, 3] {
+            let asked = std::cell::Cell::new(0);
+            let stop = || {
+                asked.set(asked.get() + 1);
+                asked.get() > after
+            };
+            let none = Err("there is no archive");
+            assert_eq!(Walker::default().solve(&run, none, &stop), None, "{regime}, {after}");
+            assert!(asked.get() < after + 5, "{regime} asks {} times", asked.get());
+        }
+    }
+}
