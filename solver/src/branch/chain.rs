@@ -77,18 +77,9 @@ impl Chain {
         let root = rung(*roots.last().expect("a trail begins with a root"));
         let is_stone = |root: &(f64, &[f64], &[f64])| STEPPING_STONES.contains(&root.0);
         let smoothed = roots.into_iter().filter(is_stone).map(rung).collect();
-        Self {
-            root,
-            smoothed,
-            iterations: 0,
-            first_iterations: 0,
-            residual_norm: 0.0,
-            has_jumped: false,
-        }
+        Self { root, smoothed, ..Self::alone(Vec::new(), Plane { length: 0.0, control }) }
     }
-}
 
-impl Chain {
     /// Of a root whose smoothed ones are not known.
     pub(super) fn alone(x: Vec<f64>, at: Plane) -> Self {
         let root = Rung { level: 0.0, x, at, excess: Vec::new() };

@@ -10,7 +10,8 @@
 //! With the line across the branch's tangent in that plane this is pseudo-arclength continuation (Keller
 //! 1977) with arclength taken in (L, p). The bordered matrix keeps its shape, since L's column is dense
 //! already, and is regular at folds, where ∂F/∂x alone is not; where it is not regular, L and p stand still
-//! together while the state changes, which takes two conditions and is not met on a curve.
+//! together while the state changes. That takes two conditions at once; near a fold of a single cell's fluidity,
+//! which hardly moves either, it is nearly so, and the steps there are short.
 
 use crate::control::{Control, Setting};
 use crate::newton::{OutsideDomain, System};

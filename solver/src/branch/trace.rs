@@ -223,13 +223,12 @@ impl Way {
 }
 
 impl Stand {
-    /// Turns the direction round, if the sense is −1.
+    /// Turns the direction round, if the sense is −1; arclength is the caller's.
     pub(super) fn turn_by(&mut self, sense: f64) {
         self.tangent.at = self.tangent.at.scaled(sense);
         self.tangent.x.iter_mut().for_each(|entry| *entry *= sense);
         self.is_positive ^= sense < 0.0;
         self.point.control_by_arclength *= sense;
-        // `Way` counts arclength and slopes along its own sense.
     }
 
     /// p, in units of arclength.
@@ -292,7 +291,7 @@ impl Tracer {
     ) {
         let mut step = FIRST_STEP.min(plan.longest_step);
         let start_at = way.stands[0].chain.root.at;
-        while way.points() < most_points {
+        'steps: while way.points() < most_points {
             let last = way.last();
             let tried = self.step(last, step);
             let turn = tried
@@ -325,19 +324,28 @@ impl Tracer {
             if way.last().turns_before(&pieces[0]) {
                 pieces.insert(0, fold::between(self, way.last(), &pieces[0]));
             }
+            let stands_before = way.stands.len();
             for next in pieces {
                 let reaches = next.control() * plan.unit();
                 if !(plan.bounds.0..=plan.bounds.1).contains(&reaches) {
                     let bound = if reaches < plan.bounds.0 { plan.bounds.0 } else { plan.bounds.1 };
                     let is_there =
                         (way.last().point.control - bound).abs() < SHORTEST_STEP * plan.unit();
-                    way.end = End::Bound;
-                    if !is_there
-                        && let Ok(landed) = self.root_between(way.last(), &next, bound)
-                        && way.push(landed, observer)
-                    {
-                        way.end = End::Stopped;
-                    }
+                    let landed = (!is_there).then(|| self.root_between(way.last(), &next, bound));
+                    way.end = match landed.transpose() {
+                        Ok(landed) => {
+                            let has_stopped = landed.is_some_and(|at| way.push(at, observer));
+                            if has_stopped { End::Stopped } else { End::Bound }
+                        }
+                        // From nearer by it may be found.
+                        Err(_) if step > KINK_STEP && way.stands.len() == stands_before => {
+                            step *= AFTER_FAILURE;
+                            continue 'steps;
+                        }
+                        Err(error) => {
+                            End::Stuck(format!("no point is found at the bound {bound}: {error}"))
+                        }
+                    };
                     return;
                 }
                 if way.push(next, observer) {

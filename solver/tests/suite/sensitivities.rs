@@ -110,7 +110,7 @@ fn derivatives_by_the_melt_of_each_cell_add_up() {
     }
 }
 
-/// ∂F/∂p of every parameter against differences of the residual, with each closure and a calving law.
+/// ∂F/∂p of every parameter against differences of the residual, with the kinks as they are and rounded.
 #[test]
 fn slopes_by_what_is_given_match_differences() {
     const N: usize = 12;

@@ -5,7 +5,11 @@ use melange_tests::melange;
 use serde_json::Value;
 
 fn soak(arguments: &[&str]) -> (Option<i32>, Value) {
-    let output = melange(&[&["soak", "solver", "--format", "json"], arguments].concat(), "");
+    soak_of("solver", arguments)
+}
+
+fn soak_of(subject: &str, arguments: &[&str]) -> (Option<i32>, Value) {
+    let output = melange(&[&["soak", subject, "--format", "json"], arguments].concat(), "");
     let text = String::from_utf8(output.stdout).expect("UTF-8");
     let report = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
     (output.status.code(), report)
@@ -24,6 +28,20 @@ fn of_500_sets_none_fails_breaks_off_or_is_not_finite() {
         assert!(findings.is_empty(), "{kind}: {findings:#?}");
     }
     assert_eq!(code, Some(0));
+}
+
+/// The first thirty branches, of which none gets stuck (of the first six hundred five do).
+#[test]
+fn branches_reach_their_ends_and_their_stability_is_that_of_transients() {
+    let (code, report) = soak_of("branches", &["--count", "30", "--seed", "1"]);
+    assert_eq!(code, Some(0), "{report}");
+    let number = |value: &Value| value.as_u64().expect("a count");
+    let followed = 30 - number(&report["without_start"]);
+    let ends = report["ends"].as_object().expect("ends");
+    assert_eq!(ends.values().map(number).sum::<u64>(), 2 * followed, "{report}");
+    let verdicts = report["verdicts"].as_object().expect("verdicts");
+    assert!(number(&verdicts["stable, comes back"]) > 5, "{report}");
+    assert!(verdicts.get("contradicted").is_none(), "{report}");
 }
 
 #[test]
