@@ -4,14 +4,18 @@ use anyhow::{Context, anyhow, bail};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::time::Duration;
+use ureq::config::ConfigBuilder;
 use ureq::http::Response;
-use ureq::{Agent, Body};
+use ureq::typestate::AgentScope;
+use ureq::{Agent, Body, RequestBuilder};
 
 /// A running service.
 #[derive(Debug, Clone)]
 pub struct Client {
     agent: Agent,
     address: String,
+    /// Shows who asks; empty if nothing does.
+    token: String,
 }
 
 /// Pause before a broken stream of events is asked for again.
@@ -22,6 +26,11 @@ const TRIES: usize = 30;
 /// Largest table taken.
 const MOST_BYTES: u64 = 1 << 34;
 
+/// Services are asked directly: they are on this machine, and what a proxy is told everybody may know.
+fn config() -> ConfigBuilder<AgentScope> {
+    Agent::config_builder().http_status_as_error(false).proxy(None)
+}
+
 /// A refusal, told as the service told it.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -30,14 +39,27 @@ pub struct Refused(pub String);
 impl Client {
     /// Of the service at an address.
     pub fn new(address: String) -> Self {
-        let agent = Agent::config_builder().http_status_as_error(false).build().into();
-        Self { agent, address }
+        let agent = config().build().into();
+        Self { agent, address, token: String::new() }
     }
 
     /// Of the service at an address, which is to answer within a time.
     pub fn impatient(address: String, longest: Duration) -> Self {
-        let config = Agent::config_builder().http_status_as_error(false);
-        Self { agent: config.timeout_global(Some(longest)).build().into(), address }
+        let agent = config().timeout_global(Some(longest)).build().into();
+        Self { agent, address, token: String::new() }
+    }
+
+    /// The same, with a token that shows who asks.
+    pub fn with_token(self, token: String) -> Self {
+        Self { token, ..self }
+    }
+
+    /// A request with what shows who asks.
+    fn shown<B>(&self, request: RequestBuilder<B>) -> RequestBuilder<B> {
+        if self.token.is_empty() {
+            return request;
+        }
+        request.header("Authorization", format!("Bearer {}", self.token))
     }
 
     fn url(&self, path: &str) -> String {
@@ -46,7 +68,8 @@ impl Client {
 
     /// The document at a path.
     pub fn get(&self, path: &str) -> anyhow::Result<Value> {
-        answer(self.agent.get(self.url(path)).call().context("the service does not answer")?)
+        let sent = self.shown(self.agent.get(self.url(path))).call();
+        answer(sent.context("the service does not answer")?)
     }
 
     /// Whether the service is up, told by its database.
@@ -57,7 +80,7 @@ impl Client {
 
     /// The bytes at a path, such as a bulk table.
     pub fn download(&self, path: &str) -> anyhow::Result<Vec<u8>> {
-        let sent = self.agent.get(self.url(path)).call();
+        let sent = self.shown(self.agent.get(self.url(path))).call();
         let mut response = sent.context("the service does not answer")?;
         if !response.status().is_success() {
             answer(response)?;
@@ -69,13 +92,48 @@ impl Client {
 
     /// Sends a body to a path.
     pub fn post(&self, path: &str, body: &[u8]) -> anyhow::Result<Value> {
-        let sent = self.agent.post(self.url(path)).send(body);
+        let sent = self.shown(self.agent.post(self.url(path))).send(body);
+        answer(sent.context("the service does not answer")?)
+    }
+
+    /// Sends changes of what is at a path.
+    pub fn patch(&self, path: &str, body: &[u8]) -> anyhow::Result<Value> {
+        let sent = self.shown(self.agent.patch(self.url(path))).send(body);
+        answer(sent.context("the service does not answer")?)
+    }
+
+    /// Sends a form to a path.
+    pub fn post_form(&self, path: &str, parts: &[(&str, &[u8])]) -> anyhow::Result<Value> {
+        let mut hasher = blake3::Hasher::new();
+        for (_, bytes) in parts {
+            hasher.update(bytes);
+        }
+        // What the parts' hash begins with does not stand in them.
+        let boundary = hasher.finalize().to_hex()[..40].to_owned();
+        let mut body = Vec::new();
+        for (name, bytes) in parts {
+            let head =
+                format!("--{boundary}\r\nContent-Disposition: form-data; name=\"{name}\"\r\n\r\n");
+            body.extend_from_slice(head.as_bytes());
+            body.extend_from_slice(bytes);
+            body.extend_from_slice(b"\r\n");
+        }
+        body.extend_from_slice(format!("--{boundary}--\r\n").as_bytes());
+        let request = self.shown(self.agent.post(self.url(path)));
+        let form = format!("multipart/form-data; boundary={boundary}");
+        let sent = request.header("Content-Type", form).send(&body);
+        answer(sent.context("the service does not answer")?)
+    }
+
+    /// Sends a file to a path, as it is read.
+    pub fn post_file(&self, path: &str, file: std::fs::File) -> anyhow::Result<Value> {
+        let sent = self.shown(self.agent.post(self.url(path))).send(file);
         answer(sent.context("the service does not answer")?)
     }
 
     /// Deletes what is at a path.
     pub fn delete(&self, path: &str) -> anyhow::Result<Value> {
-        let sent = self.agent.delete(self.url(path)).call();
+        let sent = self.shown(self.agent.delete(self.url(path))).call();
         answer(sent.context("the service does not answer")?)
     }
 
@@ -85,7 +143,7 @@ impl Client {
         let mut broken = 0;
         loop {
             let url = self.url(&format!("/sweeps/{id}/events"));
-            let request = self.agent.get(url).header("Last-Event-ID", &last.0);
+            let request = self.shown(self.agent.get(url)).header("Last-Event-ID", &last.0);
             match request.call() {
                 Ok(response) if response.status() == 204 => return Ok(last.1),
                 Ok(response) if response.status() == 200 => {
@@ -137,7 +195,11 @@ fn answer(mut response: Response<Body>) -> anyhow::Result<Value> {
     let problem: Value = serde_json::from_str(&text).unwrap_or_default();
     match problem["detail"].as_str() {
         Some(detail) if status.is_client_error() => bail!(Refused(detail.to_owned())),
-        Some(detail) => Err(anyhow!("the service says: {detail}")),
+        Some(detail) => {
+            // What its log knows the failure by.
+            let id = problem["request_id"].as_str().map(|id| format!(" (request {id})"));
+            Err(anyhow!("the service says: {detail}{}", id.unwrap_or_default()))
+        }
         None => Err(anyhow!("the service answers {status}")),
     }
 }

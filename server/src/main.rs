@@ -8,10 +8,12 @@ mod client;
 mod domain;
 mod faults;
 mod http;
+mod people;
 mod queue;
 mod reproduce;
 mod soak;
 mod store;
+mod telemetry;
 mod worker;
 
 use std::process::ExitCode;
@@ -19,9 +21,18 @@ use std::process::ExitCode;
 /// Exit code of input or surroundings that cannot be used.
 const UNUSABLE: u8 = 2;
 
-#[tokio::main]
-async fn main() -> ExitCode {
-    match cli::main().await {
+fn main() -> ExitCode {
+    let runtime = match tokio::runtime::Runtime::new() {
+        Ok(runtime) => runtime,
+        Err(error) => {
+            eprintln!("melange: cannot start its threads: {error}");
+            return ExitCode::from(UNUSABLE);
+        }
+    };
+    let ended = runtime.block_on(cli::main());
+    // A table that is still put together for a client who was cut off is not waited for.
+    runtime.shutdown_background();
+    match ended {
         Ok(code) => code,
         Err(error) => {
             eprintln!("melange: {error:#}");

@@ -11,7 +11,9 @@ use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::{OwnedRwLockReadGuard, OwnedRwLockWriteGuard, RwLock, watch};
+use tokio::sync::{
+    OwnedRwLockReadGuard, OwnedRwLockWriteGuard, OwnedSemaphorePermit, RwLock, Semaphore, watch,
+};
 
 /// A connection to the database, of a pool or of a transaction.
 pub type Connection = sqlx::SqliteConnection;
@@ -27,6 +29,17 @@ pub struct Store {
     revocations: watch::Sender<u64>,
     ends: watch::Sender<u64>,
     files: Arc<RwLock<()>>,
+    pairs: Arc<Semaphore>,
+}
+
+/// Two transactions that read at the same time, and the turn to have two.
+#[derive(Debug)]
+pub struct Pair {
+    /// One.
+    pub one: Transaction<'static, Sqlite>,
+    /// The other.
+    pub other: Transaction<'static, Sqlite>,
+    _turn: OwnedSemaphorePermit,
 }
 
 /// How long a statement waits for the database's lock.
@@ -44,6 +57,8 @@ const READER_CACHE_KIB: &str = "-8192";
 pub const DATABASE: &str = "melange.sqlite";
 /// Name of the lock in a data directory.
 const LOCK: &str = "lock";
+/// Name of the file with the token of commands on the service's machine.
+const OPERATOR_TOKEN: &str = "operator-token";
 /// What to do about a data directory that cannot be locked.
 const LOCAL_DISK: &str = "choose a data directory on a local disk with --data (on a cluster: the node's own \
                           scratch disk), and copy it elsewhere with `melange backup`";
@@ -104,6 +119,7 @@ impl Store {
             revocations: watch::Sender::new(0),
             ends: watch::Sender::new(0),
             files: Arc::default(),
+            pairs: Arc::new(Semaphore::new(READERS as usize / 2)),
         })
     }
 
@@ -130,6 +146,14 @@ impl Store {
     /// Starts a transaction that reads one consistent state.
     pub async fn read(&self) -> sqlx::Result<Transaction<'static, Sqlite>> {
         self.reader.begin().await
+    }
+
+    /// Starts two transactions that read. Nobody takes a second one by themselves while they hold one: as many
+    /// as there are connections, each holding one and waiting for another, would wait for ever.
+    pub async fn read_two(&self) -> sqlx::Result<Pair> {
+        let turn = self.pairs.clone().acquire_owned().await;
+        let _turn = turn.map_err(|_| sqlx::Error::PoolClosed)?;
+        Ok(Pair { one: self.read().await?, other: self.read().await?, _turn })
     }
 
     /// Counts commits, for whoever waits for a change.
@@ -183,11 +207,49 @@ impl Store {
         file.write_all(address.as_bytes())
     }
 
+    /// Leaves a token for commands on this machine, readable by whoever runs the service alone.
+    pub fn leave_token(&self, token: &str) -> std::io::Result<()> {
+        use std::os::unix::fs::OpenOptionsExt;
+        /// For its owner alone.
+        const PRIVATE: u32 = 0o600;
+        let path = self.directory.join(OPERATOR_TOKEN);
+        // An old one may have been made with other permissions.
+        fs::remove_file(&path).or_else(|e| match e.kind() {
+            std::io::ErrorKind::NotFound => Ok(()),
+            _ => Err(e),
+        })?;
+        let mut file = File::options().write(true).create_new(true).mode(PRIVATE).open(path)?;
+        file.write_all(token.as_bytes())
+    }
+
+    /// The disk that the data directory lies on.
+    pub fn disk(&self) -> std::io::Result<Disk> {
+        let told = rustix::fs::statvfs(&self.directory)?;
+        let bytes = |blocks: u64| blocks.saturating_mul(told.f_frsize);
+        Ok(Disk { free_bytes: bytes(told.f_bavail), size_bytes: bytes(told.f_blocks) })
+    }
+
+    /// Bytes of the database with its log.
+    pub fn database_bytes(&self) -> u64 {
+        let files = [DATABASE.to_owned(), format!("{DATABASE}-wal")];
+        let found = files.iter().filter_map(|name| fs::metadata(self.directory.join(name)).ok());
+        found.map(|file| file.len()).sum()
+    }
+
     /// Closes the database after its last transaction.
     pub async fn close(&self) {
         self.reader.close().await;
         self.writer.close().await;
     }
+}
+
+/// A disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Disk {
+    /// What this process may still write, bytes.
+    pub free_bytes: u64,
+    /// Its size, bytes.
+    pub size_bytes: u64,
 }
 
 /// A transaction that may write. What waits for changes is told when it is committed.
@@ -285,6 +347,11 @@ pub fn holder_of(directory: &Path) -> Holder {
         }
         _ => Holder::Nobody,
     }
+}
+
+/// The token that the service of a data directory leaves for commands; none if it may not be read.
+pub fn operator_token(directory: &Path) -> Option<String> {
+    fs::read_to_string(directory.join(OPERATOR_TOKEN)).ok()
 }
 
 fn check_existing(directory: &Path) -> anyhow::Result<()> {

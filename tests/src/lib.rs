@@ -23,6 +23,27 @@ pub fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
+/// Runs a Python script, given as text, with arguments, in a folder, by the interpreter that has the packages of
+/// `tests/python/requirements.txt`; it must end well. Returns what it printed.
+pub fn python(script: &str, arguments: &[&str], folder: &Path) -> String {
+    let interpreter = root().join("target/python/bin/python");
+    assert!(
+        interpreter.exists(),
+        "{} is not there: `tests/run` installs it, with the packages that tests need",
+        interpreter.display()
+    );
+    let output = Command::new(&interpreter)
+        .args(["-c", script])
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("Python starts");
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{script}\n{printed}\n{errors}");
+    printed
+}
+
 /// Runs the binary with something on its standard input.
 pub fn melange(arguments: &[&str], input: &str) -> Output {
     let mut child = Command::new(binary())
@@ -53,11 +74,21 @@ pub struct Answer {
     pub status: u16,
     /// Value of the Content-Type header.
     pub content_type: String,
+    /// Headers, their names in lower case.
+    pub headers: Vec<(String, String)>,
+    /// Value of the X-Request-Id header.
+    pub request_id: String,
     /// Body.
     pub body: Vec<u8>,
 }
 
 impl Answer {
+    /// Value of a header, by its name in lower case; empty if it is not there.
+    pub fn header(&self, name: &str) -> &str {
+        let found = self.headers.iter().find(|(known, _)| known == name);
+        found.map(|(_, value)| value.as_str()).unwrap_or_default()
+    }
+
     /// The body as JSON.
     pub fn json(&self) -> Value {
         serde_json::from_slice(&self.body)
@@ -80,14 +111,28 @@ impl Server {
     }
 
     /// Starts `melange serve` with its log in a file.
-    pub fn start_logged(data: &Path, log: &Path) -> Self {
+    pub fn start_logged(data: &Path, log: &Path, more: &[&str]) -> Self {
         let log = File::create(log).expect("a log");
-        Self::spawn(Command::new(binary()).arg("serve").stderr(log), data, &[])
+        let mut command = Command::new(binary());
+        Self::spawn(command.arg("serve").env("RUST_LOG", "info").stderr(log), data, more)
+    }
+
+    /// Starts `melange serve` at an address.
+    pub fn start_at(address: &str, data: &Path) -> Self {
+        Self::listening(Command::new(binary()).arg("serve"), address, data, &[])
     }
 
     fn spawn(command: &mut Command, data: &Path, more: &[&str]) -> Self {
+        Self::listening(command, "127.0.0.1:0", data, more)
+    }
+
+    fn listening(command: &mut Command, at: &str, data: &Path, more: &[&str]) -> Self {
+        if command.get_envs().all(|(name, _)| name != "RUST_LOG") {
+            // A line for each request would drown what the tests tell.
+            command.env("RUST_LOG", "warn");
+        }
         let mut child = command
-            .args(["--listen", "127.0.0.1:0", "--data"])
+            .args(["--listen", at, "--data"])
             .arg(data)
             .args(more)
             .stdout(Stdio::piped())
@@ -98,7 +143,7 @@ impl Server {
             .read_line(&mut line)
             .expect("it says where it listens");
         let address = line.trim().rsplit(' ').next().expect("an address").to_owned();
-        assert!(address.starts_with("http://127.0.0.1:"), "it said {line:?}");
+        assert!(address.starts_with("http://"), "it said {line:?}");
         Self { child, address }
     }
 
@@ -112,6 +157,12 @@ impl Server {
     pub fn post(&self, path: &str, body: &str) -> Answer {
         let agent = agent();
         answer(agent.post(format!("{}{path}", self.address)).send(body).expect("an answer"))
+    }
+
+    /// Changes what is at a path.
+    pub fn patch(&self, path: &str, body: &str) -> Answer {
+        let agent = agent();
+        answer(agent.patch(format!("{}{path}", self.address)).send(body).expect("an answer"))
     }
 
     /// Sends a body to a path with headers.
@@ -130,6 +181,24 @@ impl Server {
             request = request.header(*name, *value);
         }
         answer(request.call().expect("an answer"))
+    }
+
+    /// Sends a request of any method, with headers and a body.
+    pub fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
+        let mut request =
+            ureq::http::Request::builder().method(method).uri(format!("{}{path}", self.address));
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        let request = request.body(body.to_vec()).expect("a request");
+        let config = agent().configure_request(request).allow_non_standard_methods(true);
+        answer(agent().run(config.build()).expect("an answer"))
+    }
+
+    /// Asks for the headers of a path.
+    pub fn head(&self, path: &str) -> Answer {
+        let agent = agent();
+        answer(agent.head(format!("{}{path}", self.address)).call().expect("an answer"))
     }
 
     /// Asks a verb of a sweep, which must be allowed; returns the sweep.
@@ -182,9 +251,19 @@ impl Server {
     }
 
     /// Asks the process to end (SIGTERM) and returns whether it ended well.
-    pub fn terminate(mut self) -> bool {
+    pub fn terminate(self) -> bool {
+        self.ask_to_end();
+        self.ended()
+    }
+
+    /// Asks the process to end (SIGTERM).
+    pub fn ask_to_end(&self) {
         let id = self.child.id().to_string();
         Command::new("kill").args(["-TERM", &id]).status().expect("kill is there");
+    }
+
+    /// Waits until the process has ended, and tells whether it ended well.
+    pub fn ended(mut self) -> bool {
         self.child.wait().expect("it ends").success()
     }
 }
@@ -269,11 +348,16 @@ fn agent() -> ureq::Agent {
 }
 
 fn answer(mut response: ureq::http::Response<ureq::Body>) -> Answer {
-    let content_type =
-        response.headers().get("content-type").and_then(|v| v.to_str().ok()).unwrap_or_default();
+    let text = |value: &ureq::http::HeaderValue| value.to_str().unwrap_or_default().to_owned();
+    let headers = response.headers().iter();
+    let headers: Vec<(String, String)> =
+        headers.map(|(name, value)| (name.to_string(), text(value))).collect();
+    let header = |name: &str| response.headers().get(name).map(text).unwrap_or_default();
     Answer {
+        headers,
         status: response.status().as_u16(),
-        content_type: content_type.to_owned(),
+        content_type: header("content-type"),
+        request_id: header("x-request-id"),
         body: response
             .body_mut()
             .with_config()

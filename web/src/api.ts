@@ -52,7 +52,20 @@ export interface Sweep {
   state: SweepState;
   counts: Counts;
   created_at: string;
+  /** Who submitted it. */
+  owner: string | null;
+  tags: string[];
+  /** In lists the beginning of a long one. */
+  note: string | null;
+  /** Present and never changing again once it is sealed. */
+  sealed: { content_hash: string; title: string; sealed_at: string } | null;
   spec: Spec;
+}
+
+/** A sweep that is told whole. */
+export interface WholeSweep extends Sweep {
+  /** The note, made harmless by the service. */
+  note_html: string | null;
 }
 
 /** A run's scalars by name; null where a number does not exist. */
@@ -117,15 +130,40 @@ export interface Dictionary {
   scalars: Entry[];
 }
 
+export type Role = "reader" | "contributor" | "admin";
+
+/** Who uses the page; on a service without people everybody is the same admin. */
+export interface Me {
+  name: string;
+  role: Role;
+  is_open: boolean;
+}
+
+export interface Person {
+  name: string;
+  role: Role;
+  most_runs: number | null;
+  most_pending_runs: number | null;
+  created_at: string;
+  revoked_at: string | null;
+}
+
+/** Whether somebody may change a sweep: the service decides, the page only does not offer in vain. */
+export const mayChange = (me: Me, sweep: Sweep): boolean =>
+  me.role === "admin" || (me.role === "contributor" && sweep.owner === me.name);
+
 /** A refusal or failure of the service, as it told it. */
 export class Problem extends Error {
   readonly field: string | undefined;
   readonly status: number;
+  /** At which character of a filter, counted from 1. */
+  readonly character: number | undefined;
 
-  constructor(status: number, detail: string, field?: string) {
+  constructor(status: number, detail: string, field?: string, character?: number) {
     super(detail);
     this.status = status;
     this.field = field;
+    this.character = character;
   }
 }
 
@@ -140,22 +178,75 @@ async function call<T>(path: string, init?: RequestInit): Promise<T> {
   }
   const body: unknown = await response.json().catch(() => null);
   if (!response.ok) {
-    const problem = body as { detail?: string; field?: string } | null;
-    throw new Problem(response.status, problem?.detail ?? response.statusText, problem?.field);
+    const problem = body as {
+      detail?: string;
+      field?: string;
+      character?: number;
+      request_id?: string;
+    } | null;
+    const detail = problem?.detail ?? response.statusText;
+    // What the service's log knows a failure by.
+    const request = problem?.request_id ? ` (request ${problem.request_id})` : "";
+    throw new Problem(response.status, detail + request, problem?.field, problem?.character);
   }
   return body as T;
 }
 
+const sendJson = (method: string, body: unknown): RequestInit => ({
+  method,
+  headers: { "content-type": "application/json" },
+  body: JSON.stringify(body),
+});
+
+export const me = () => call<Me>("me");
+export const login = (token: string) => call<Me>("session", sendJson("POST", { token }));
+export const logout = () => call<null>("session", { method: "DELETE" });
+export const people = () => call<Person[]>("people");
+export const invite = (name: string, role: Role) =>
+  call<{ name: string; token: string }>("people", sendJson("POST", { name, role }));
+export const newToken = (name: string) =>
+  call<{ name: string; token: string }>(`people/${encodeURIComponent(name)}/token`, { method: "POST" });
+export const revoke = (name: string) =>
+  call<null>(`people/${encodeURIComponent(name)}`, { method: "DELETE" });
+
+export type Verb = "pause" | "resume" | "stop" | "cancel" | "retry" | "recover";
+export const ask = (id: string, verb: Verb) =>
+  call<Sweep>(`sweeps/${id}/${verb}`, { method: "POST" });
+export const remove = (id: string) => call<null>(`sweeps/${id}`, { method: "DELETE" });
+
+export const edit = (id: string, change: { add_tags?: string[]; remove_tags?: string[]; name?: string; note?: string }) =>
+  call<WholeSweep>(`sweeps/${id}`, sendJson("PATCH", change));
+
+export interface Seal {
+  title: string;
+  authors: { name: string; orcid?: string }[];
+  licence: string;
+}
+export const seal = (id: string, form: Seal) =>
+  call<Sweep>(`sweeps/${id}/seal`, sendJson("POST", form));
+
+/** How a sealed ensemble is cited, as text. */
+export async function citation(id: string): Promise<string> {
+  const response = await fetch(`${base}/sweeps/${id}/citation?format=text`);
+  if (!response.ok) throw new Problem(response.status, response.statusText);
+  return response.text();
+}
+
+export const importArchive = (file: File) =>
+  call<unknown>("import", { method: "POST", headers: { "content-type": "application/zstd" }, body: file });
+
 export const dictionary = () => call<Dictionary>("dictionary");
-export const sweeps = () => call<Page<Sweep>>("sweeps?limit=100");
+export const sweep = (id: string) => call<WholeSweep>(`sweeps/${id}`);
+
+/** The newest sweeps that a filter lets through; an empty one lets all. */
+export function sweeps(filter: string): Promise<Page<Sweep>> {
+  const which = filter === "" ? "" : `&${new URLSearchParams({ filter }).toString()}`;
+  return call<Page<Sweep>>(`sweeps?limit=100${which}`);
+}
 export const run = (id: string) => call<Outcome>(`runs/${id}`);
 
 export const submit = (spec: Spec) =>
-  call<{ id: string; count: number; reused: number }>("sweeps", {
-    method: "POST",
-    headers: { "content-type": "application/json" },
-    body: JSON.stringify(spec),
-  });
+  call<{ id: string; count: number; reused: number }>("sweeps", sendJson("POST", spec));
 
 export const fit = (id: string, x: string, y: string, model: Law) =>
   call<Fit>(`sweeps/${id}/fit?${new URLSearchParams({ x, y, model }).toString()}`);

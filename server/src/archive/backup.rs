@@ -4,10 +4,12 @@
 use super::catalogue::{self, Listed};
 use super::files;
 use crate::store::{DATABASE, Onlooker, archive_of};
-use anyhow::{Context, ensure};
-use std::fs;
-use std::io;
+use anyhow::{Context, bail, ensure};
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File};
+use std::io::{self, Write};
 use std::path::Path;
+use std::time::SystemTime;
 
 /// What was copied.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
@@ -16,6 +18,64 @@ pub struct Copied {
     pub files: usize,
     /// Bytes of them.
     pub bytes: i64,
+}
+
+/// What a backup says of itself. It is written last: a folder without it is a backup that broke off.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of melange that made it.
+    pub melange: String,
+    /// When, RFC 3339 in UTC.
+    pub made_at: String,
+    /// Hash of the database.
+    pub database_blake3: String,
+    /// Files of the archive, which the database lists with their hashes.
+    pub files: usize,
+    /// Bytes of them.
+    pub bytes: i64,
+}
+
+impl Manifest {
+    /// Name of its file in a backup.
+    const NAME: &str = "backup.json";
+
+    /// That of a backup.
+    pub fn read(backup: &Path) -> anyhow::Result<Self> {
+        let name = backup.display();
+        ensure!(backup.is_dir(), "there is no folder {name}");
+        let text = match fs::read(backup.join(Self::NAME)) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => bail!(
+                "{name} is no whole backup: the file {}, which `melange backup` writes last, is not there; if it is \
+                 a data directory, make a backup of it",
+                Self::NAME
+            ),
+            read => read.with_context(|| format!("cannot read {} in {name}", Self::NAME))?,
+        };
+        serde_json::from_slice(&text)
+            .with_context(|| format!("the backup {name} is damaged: {}", Self::NAME))
+    }
+
+    /// Writes that of a backup whose files are all there.
+    fn write(backup: &Path, copied: Copied) -> io::Result<()> {
+        let (database_blake3, _) = files::hash(&backup.join(DATABASE))?;
+        let manifest = Self {
+            melange: env!("CARGO_PKG_VERSION").into(),
+            made_at: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+            database_blake3,
+            files: copied.files,
+            bytes: copied.bytes,
+        };
+        let mut text = serde_json::to_vec_pretty(&manifest)?;
+        text.push(b'\n');
+        File::open(backup.join(DATABASE))?.sync_all()?;
+        files::sync_folders(&archive_of(backup))?;
+        let temporary = backup.join(format!("{}.tmp", Self::NAME));
+        let mut file = File::create(&temporary)?;
+        file.write_all(&text)?;
+        file.sync_all()?;
+        fs::rename(&temporary, backup.join(Self::NAME))?;
+        files::sync_folder(backup)
+    }
 }
 
 /// Copies of the database that are tried: files may be put together or deleted while they are copied.
@@ -44,7 +104,14 @@ pub async fn backup(from: &Path, to: &Path) -> anyhow::Result<Copied> {
         let copied =
             tokio::task::spawn_blocking(move || copy_files(&source, &copied_to, &listed)).await?;
         match copied {
-            Ok(copied) => return Ok(copied),
+            Ok(copied) => {
+                drop(copy);
+                let folder = to.to_owned();
+                tokio::task::spawn_blocking(move || Manifest::write(&folder, copied))
+                    .await?
+                    .context("cannot write what the backup says of itself")?;
+                return Ok(copied);
+            }
             Err(e) if left > 0 && e.kind() == io::ErrorKind::NotFound => {
                 tracing::info!("files have moved while they were copied; looking again");
             }
@@ -64,7 +131,7 @@ fn copy_files(from: &Path, to: &Path, listed: &[Listed]) -> io::Result<Copied> {
             fs::create_dir_all(folder)?;
         }
         if !target.exists() {
-            fs::copy(from.join(&file.path), &target)?;
+            files::copy(&from.join(&file.path), &target)?;
         }
         files::check(to, file).map_err(io::Error::other)?;
         copied.files += 1;

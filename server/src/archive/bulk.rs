@@ -5,7 +5,7 @@ use super::ArchiveError;
 use super::catalogue::{Layout, Piece, Place, id_number};
 use super::files::{self, Written, properties};
 use super::read;
-use super::schema::Kind;
+use super::schema::{Kind, SCHEMA_VERSION};
 use super::splice;
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int64Type};
@@ -13,6 +13,7 @@ use arrow_array::{Array, ArrayRef, Int64Array, RecordBatch};
 use arrow_schema::{ArrowError, DataType};
 use arrow_select::interleave::interleave_record_batch;
 use parquet::arrow::ArrowWriter;
+use parquet::file::metadata::ParquetMetaDataReader;
 use std::fs::File;
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -66,6 +67,32 @@ pub fn gather(
     Ok((file, length))
 }
 
+/// What stands for the bytes of a bulk file before it is made: changes with the tables that it is made of, and with
+/// the versions of what makes it.
+pub fn mark(sweep_id: &str, name: &str, tables: &[blake3::Hash]) -> String {
+    let versions = format!(
+        "{} {SCHEMA_VERSION} {}",
+        env!("CARGO_PKG_VERSION"),
+        parquet::file::properties::DEFAULT_CREATED_BY
+    );
+    let mut hasher = blake3::Hasher::new();
+    for part in [sweep_id, name, &versions] {
+        hasher.update(part.as_bytes()).update(&[0]);
+    }
+    for table in tables {
+        hasher.update(table.as_bytes());
+    }
+    /// Digits of the hash: enough to never meet another one.
+    const DIGITS: usize = 32;
+    hasher.finalize().to_hex().chars().take(DIGITS).collect()
+}
+
+/// Rows of a Parquet file, by its footer.
+pub fn rows_of(file: &File) -> io::Result<u64> {
+    let metadata = ParquetMetaDataReader::new().parse_and_finish(file).map_err(io::Error::other)?;
+    Ok(metadata.file_metadata().num_rows() as u64)
+}
+
 /// Puts the rows of many places into one new file, in their order; tells the file and each place's first
 /// row in it.
 pub fn put_together(
@@ -93,19 +120,19 @@ pub fn put_together(
 }
 
 /// A Parquet file under way, in groups of rows of moderate size.
-struct Table<W: Write + Send> {
+pub(super) struct Table<W: Write + Send> {
     writer: ArrowWriter<W>,
     kind: Kind,
 }
 
 impl<W: Write + Send> Table<W> {
-    fn new(file: W, kind: Kind) -> Result<Self, ArchiveError> {
+    pub(super) fn new(file: W, kind: Kind) -> Result<Self, ArchiveError> {
         let writer = ArrowWriter::try_new(file, kind.schema(), Some(properties(kind)))
             .map_err(|e| damaged(kind, e))?;
         Ok(Self { writer, kind })
     }
 
-    fn write(&mut self, batch: &RecordBatch) -> Result<(), ArchiveError> {
+    pub(super) fn write(&mut self, batch: &RecordBatch) -> Result<(), ArchiveError> {
         self.writer.write(batch).map_err(|e| damaged(self.kind, e))?;
         if self.writer.in_progress_size() > ROW_GROUP_BYTES {
             self.writer.flush().map_err(|e| damaged(self.kind, e))?;
@@ -113,12 +140,12 @@ impl<W: Write + Send> Table<W> {
         Ok(())
     }
 
-    fn close(self) -> Result<(), ArchiveError> {
+    pub(super) fn close(self) -> Result<(), ArchiveError> {
         self.writer.close().map(drop).map_err(|e| damaged(self.kind, e))
     }
 }
 
-fn damaged(kind: Kind, e: impl Into<parquet::errors::ParquetError>) -> ArchiveError {
+pub(super) fn damaged(kind: Kind, e: impl Into<parquet::errors::ParquetError>) -> ArchiveError {
     ArchiveError::of_parquet(format!("a copy of all {}", kind.name()), "written", e.into())
 }
 
@@ -129,8 +156,8 @@ fn conform(
     batch.and_then(|batch| kind.conform(&batch)).map_err(|e| damaged(kind, e))
 }
 
-/// Hands over the rows of a sweep's table, in the order of the runs' indices.
-fn each_batch(
+/// Hands over the rows of a sweep's table, in the order of the runs' indices, each run's rows together.
+pub(super) fn each_batch(
     archive: &Path,
     layout: &Layout,
     kind: Kind,
@@ -142,14 +169,18 @@ fn each_batch(
                 take(&conform(kind, batch)?)?;
             }
         } else {
-            take(&merged(archive, group, kind)?)?;
+            take(&merged(archive, group, kind)?.0)?;
         }
     }
     Ok(())
 }
 
-/// The rows of a group's runs, each run under the sweep's own index.
-fn merged(archive: &Path, group: &[Piece], kind: Kind) -> Result<RecordBatch, ArchiveError> {
+/// The rows of a group's wanted runs, each run under the sweep's own index, and the index of each row's run.
+pub(super) fn merged(
+    archive: &Path,
+    group: &[Piece],
+    kind: Kind,
+) -> Result<(RecordBatch, Vec<i64>), ArchiveError> {
     let mut batches = Vec::new();
     // Index in the sweep, batch, row.
     let mut rows: Vec<(i64, usize, usize)> = Vec::new();
@@ -169,18 +200,24 @@ fn merged(archive: &Path, group: &[Piece], kind: Kind) -> Result<RecordBatch, Ar
     }
     // Stable: the rows of one run stay in their order.
     rows.sort_by_key(|(index, _, _)| *index);
+    if kind == Kind::Runs {
+        // A run that stands twice in a sealed sweep's file is one run of a sweep that took it over.
+        rows.dedup_by_key(|(index, _, _)| *index);
+    }
     let places: Vec<(usize, usize)> = rows.iter().map(|(_, batch, row)| (*batch, *row)).collect();
     if places.is_empty() {
-        return Ok(RecordBatch::new_empty(kind.schema()));
+        return Ok((RecordBatch::new_empty(kind.schema()), Vec::new()));
     }
     let references: Vec<&RecordBatch> = batches.iter().collect();
     let merged = interleave_record_batch(&references, &places).map_err(|e| damaged(kind, e))?;
-    let indices: ArrayRef = Arc::new(Int64Array::from_iter_values(rows.iter().map(|(i, _, _)| *i)));
+    let indices: Vec<i64> = rows.iter().map(|(i, _, _)| *i).collect();
+    let numbered: ArrayRef = Arc::new(Int64Array::from(indices.clone()));
     let schema = merged.schema();
     let columns = schema.fields().iter().zip(merged.columns()).map(|(field, column)| {
-        if field.name() == "run_index" { indices.clone() } else { column.clone() }
+        if field.name() == "run_index" { numbered.clone() } else { column.clone() }
     });
-    RecordBatch::try_new(kind.schema(), columns.collect()).map_err(|e| damaged(kind, e))
+    let batch = RecordBatch::try_new(kind.schema(), columns.collect());
+    Ok((batch.map_err(|e| damaged(kind, e))?, indices))
 }
 
 fn csv(

@@ -8,6 +8,7 @@ use crate::faults::{Faults, Step};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
+use sha2::{Digest, Sha256};
 use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -33,6 +34,8 @@ pub struct Written {
 
 /// Ending of a file that is not complete yet.
 const TEMPORARY: &str = "tmp";
+/// How the folder of an import under way begins.
+pub const IMPORT: &str = "import-";
 /// Ending of a complete file.
 const COMPLETE: &str = "parquet";
 
@@ -87,11 +90,7 @@ pub fn write_chunk(
     faults: &Faults,
 ) -> Result<Vec<Written>, ArchiveError> {
     faults.pass(Step::BeforeWrite);
-    let folder = archive.join(sweep_id);
-    if !folder.is_dir() {
-        fs::create_dir_all(&folder).map_err(|e| fault(&folder, "made", e))?;
-        sync(archive).map_err(|e| fault(archive, "synced", e))?;
-    }
+    let folder = make_folder(archive, sweep_id)?;
     let mut written = Vec::new();
     let result = tables.iter().try_for_each(|Encoded { kind, bytes, blake3, rows }| {
         let (kind, rows, blake3) = (*kind, *rows, blake3.clone());
@@ -161,6 +160,31 @@ pub fn write_file(
     result
 }
 
+/// Copies a file's bytes and has the copy on the disk. Its mode is that of a new file: what was backed up to a
+/// medium that cannot be written is to be written again.
+pub fn copy(from: &Path, to: &Path) -> io::Result<()> {
+    let mut source = File::open(from)?;
+    let mut target = File::create(to)?;
+    io::copy(&mut source, &mut target)?;
+    target.sync_all()
+}
+
+/// Has on the disk which files a folder holds.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    sync(folder)
+}
+
+/// The same of an archive and of its folders.
+pub fn sync_folders(archive: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(archive)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            sync(&entry.path())?;
+        }
+    }
+    sync(archive)
+}
+
 fn sync(folder: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }
@@ -170,10 +194,39 @@ fn fault(path: &Path, doing: &'static str, source: io::Error) -> ArchiveError {
 }
 
 /// Hash and length of a file's bytes.
-fn hash(path: &Path) -> io::Result<(String, i64)> {
+pub fn hash(path: &Path) -> io::Result<(String, i64)> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(File::open(path)?)?;
     Ok((hasher.finalize().to_hex().to_string(), hasher.count() as i64))
+}
+
+/// SHA-256 of what is left of a reader, as other tools tell it.
+pub fn sha256(mut reader: impl io::Read) -> io::Result<String> {
+    let mut hasher = Sha256::new();
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        let n = reader.read(&mut buffer)?;
+        if n == 0 {
+            break;
+        }
+        hasher.update(&buffer[..n]);
+    }
+    Ok(hex(&hasher.finalize()))
+}
+
+/// Bytes as hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Makes the folder of a sweep, if it is not there.
+pub fn make_folder(archive: &Path, sweep_id: &str) -> Result<PathBuf, ArchiveError> {
+    let folder = archive.join(sweep_id);
+    if !folder.is_dir() {
+        fs::create_dir_all(&folder).map_err(|e| fault(&folder, "made", e))?;
+        sync(archive).map_err(|e| fault(archive, "synced", e))?;
+    }
+    Ok(folder)
 }
 
 /// Files whose bytes this process has compared with their hash.
@@ -241,6 +294,20 @@ pub fn remove_folder(archive: &Path, sweep_id: &str) {
     {
         tracing::warn!("cannot remove the folder of sweep {sweep_id}: {e}");
     }
+}
+
+/// Removes a folder if there is nothing in it.
+pub fn remove_folder_if_empty(archive: &Path, name: &str) {
+    // What is in use is not empty, and stays.
+    fs::remove_dir(archive.join(name)).ok();
+}
+
+/// Removes folders that a dead process left empty.
+pub fn remove_empty_folders(archive: &Path) -> io::Result<()> {
+    for folder in fs::read_dir(archive)? {
+        remove_folder_if_empty(archive, &folder?.file_name().to_string_lossy());
+    }
+    Ok(())
 }
 
 /// Files in the archive's folders that the catalogue does not list: temporary ones and complete ones.

@@ -4,10 +4,18 @@
 pub mod backup;
 pub mod bulk;
 pub mod catalogue;
+pub mod columns;
 pub mod compact;
+pub mod ensemble;
 pub mod files;
+pub mod gathered;
+pub mod likeness;
 pub mod long;
+pub mod netcdf;
+pub mod provenance;
 pub mod read;
+pub mod recall;
+pub mod restore;
 pub mod reuse;
 pub mod schema;
 pub mod splice;
@@ -83,6 +91,20 @@ pub enum ArchiveError {
         /// The status.
         status: String,
     },
+    /// A sweep is larger than a NetCDF file is made of.
+    #[error(
+        "the sweep's dataset has {numbers} numbers, and at most {most} are put into one NetCDF file; its Parquet \
+         tables have no such bound"
+    )]
+    TooLarge {
+        /// Its numbers.
+        numbers: u64,
+        /// Most of them.
+        most: u64,
+    },
+    /// There is nothing to make a dataset of.
+    #[error("no run of the sweep has ended yet: there is nothing to make a dataset of")]
+    NoRuns,
     /// A file lacks a column.
     #[error("the archive's file {path} lacks the column {column}")]
     Column {

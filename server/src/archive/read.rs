@@ -2,7 +2,7 @@
 
 use super::catalogue::{self, Entry, Place};
 use super::schema::Kind;
-use super::{ArchiveError, files, long};
+use super::{ArchiveError, files, long, recall};
 use crate::domain::calibrated::Calibrated;
 use crate::domain::curve::{BranchCurve, CurveRow, FoldCurve};
 use crate::domain::document::Regime;
@@ -54,10 +54,10 @@ pub async fn stored(store: &Store, run_id: &str) -> Result<Option<Outcome>, Arch
     let archive = store.archive();
     tokio::task::spawn_blocking(move || {
         let _in_use = in_use;
-        outcome(&archive, &entry)
+        let provenance = Some(recall::provenance(&archive, &entry)?);
+        Ok(Some(Outcome { provenance, ..outcome(&archive, &entry)? }))
     })
     .await?
-    .map(Some)
 }
 
 /// The whole result of a run.
@@ -105,6 +105,7 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
         grid_convergence: Some(text("grid_convergence")).filter(|t| !t.is_empty()),
         grid_error: None,
         transects: Vec::new(),
+        provenance: None,
         profile,
         series,
         states,

@@ -1,8 +1,9 @@
-//! The Parquet schema, version 4: columns, units, meanings, and the arrays of solved runs. The tables
+//! The Parquet schema, version 5: columns, units, meanings, and the arrays of solved runs. The tables
 //! of the domain say which columns there are.
 
 use super::SolvedRun;
 use super::long;
+use super::provenance;
 use crate::domain::calibrated::CalibrationRow;
 use crate::domain::curve::CurveRow;
 use crate::domain::discrete_root::RootRow;
@@ -18,7 +19,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the schema, in the footer of each file and in the catalogue.
-pub const SCHEMA_VERSION: i64 = 4;
+pub const SCHEMA_VERSION: i64 = 5;
 
 /// The tables of the archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,6 +68,25 @@ impl Kind {
     /// The table of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// What its rows are.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Kind::Runs => "one row per run: parameters and numbers of the result",
+            Kind::Profiles => {
+                "one row per run and stored time: arrays on the grid, from the terminus to the end"
+            }
+            Kind::Series => "one row per output time of a transient",
+            Kind::Branches => {
+                "one row per point, fold, root, crossing and end of a branch or a curve of folds"
+            }
+            Kind::Sensitivities => "one row per steady state and quantity: its derivatives",
+            Kind::Calibrations => {
+                "one row per estimate, observation, start and sample of a calibration"
+            }
+            Kind::Roots => "one row per discrete root of a steady state",
+        }
     }
 
     /// The table's schema.
@@ -162,6 +182,7 @@ fn run_fields() -> Vec<Field> {
     fields.push(field("attempts", DataType::Int64, true, "1", meaning));
     let meaning = "nondimensional residual norms of a failed run's last solve, oldest first; null if there are none";
     fields.push(field("residual_history", list_of_numbers(), true, "1", meaning));
+    fields.extend(provenance::fields());
     fields
 }
 
@@ -211,6 +232,7 @@ fn run_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
         histories.append(history.is_some());
     }
     columns.push(Arc::new(histories.finish()));
+    columns.extend(provenance::columns(runs));
     columns
 }
 
@@ -343,6 +365,7 @@ mod tests {
             sensitivities: Vec::new(),
             discrete_roots: Vec::new(),
             transects: Vec::new(),
+            provenance: None,
         };
         SolvedRun { run_index, run_id: format!("{run_index}"), outcome }
     }

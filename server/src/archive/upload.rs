@@ -2,7 +2,6 @@
 
 use crate::domain::refusal::Refusal;
 use crate::domain::run::closure_of_name;
-use crate::domain::sweep::MOST_RUNS;
 use crate::domain::table::{CLOSURE, Cells, TableForm};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{
@@ -15,21 +14,38 @@ use bytes::Bytes;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use std::sync::Arc;
 
+/// Bytes that a cell takes at most when unpacked: the longest name of a closure with its length, and its
+/// place in a dictionary.
+const BYTES_PER_CELL: i64 = 32;
+/// Bytes that a stretch of a column takes beside its cells.
+const SLACK: i64 = 1 << 16;
+
 /// The table in a Parquet file, its columns by name: numbers of any width, and texts in the column
-/// `upstream_closure`.
-pub fn from_parquet(bytes: Bytes) -> Result<TableForm, Refusal> {
+/// `upstream_closure`. A small file can stand for very much: what it says of itself is checked before it is
+/// unpacked, and what comes out while it is.
+pub fn from_parquet(bytes: Bytes, most_rows: usize) -> Result<TableForm, Refusal> {
     let unreadable = |error: &dyn std::error::Error| Refusal {
         field: Some("table".into()),
         permitted: Some("a Parquet file, plain or compressed with snappy or zstd".into()),
         ..Refusal::sentence(format!("the table is not readable as Parquet: {error}"))
     };
     let builder = ParquetRecordBatchReaderBuilder::try_new(bytes).map_err(|e| unreadable(&e))?;
+    let too_many =
+        |rows: i64| Err(Refusal::value("table.rows", rows, format!("at most {most_rows} rows")));
     let rows = builder.metadata().file_metadata().num_rows();
-    if rows > MOST_RUNS as i64 {
-        let permitted = format!("at most {MOST_RUNS} rows");
-        return Err(Refusal::value("table.rows", rows, permitted));
+    if !(0..=most_rows as i64).contains(&rows) {
+        return too_many(rows);
     }
     let names: Vec<String> = builder.schema().fields().iter().map(|f| f.name().clone()).collect();
+    TableForm::check_names(&names)?;
+    let groups = builder.metadata().row_groups();
+    for column in groups.iter().flat_map(|group| group.columns()) {
+        let (bytes, most) = (column.uncompressed_size(), SLACK + BYTES_PER_CELL * rows);
+        if !(0..=most).contains(&bytes) {
+            let permitted = format!("at most {most} bytes for {rows} rows");
+            return Err(Refusal::value("table.columns", bytes, permitted));
+        }
+    }
     let mut columns: Vec<Cells> = names
         .iter()
         .map(|name| match name.as_str() {
@@ -40,6 +56,9 @@ pub fn from_parquet(bytes: Bytes) -> Result<TableForm, Refusal> {
     let mut rows_before = 0;
     for batch in builder.build().map_err(|e| unreadable(&e))? {
         let batch = batch.map_err(|e| unreadable(&e))?;
+        if rows_before + batch.num_rows() > most_rows {
+            return too_many((rows_before + batch.num_rows()) as i64);
+        }
         for (c, (column, array)) in columns.iter_mut().zip(batch.columns()).enumerate() {
             let place = Place { name: &names[c], column: c, rows_before };
             match column {
@@ -148,12 +167,15 @@ mod tests {
 
     #[test]
     fn numbers_of_any_width_and_closures_are_read() {
-        let table = from_parquet(file(vec![
-            ("b", Arc::new(Float64Array::from(vec![1e4, 2e4]))),
-            ("d_m", Arc::new(Float32Array::from(vec![25.0, 26.5]))),
-            ("n_cells", Arc::new(Int32Array::from(vec![20, 50]))),
-            (CLOSURE, Arc::new(StringArray::from(vec!["published", "no_stretching"]))),
-        ]));
+        let table = from_parquet(
+            file(vec![
+                ("b", Arc::new(Float64Array::from(vec![1e4, 2e4]))),
+                ("d_m", Arc::new(Float32Array::from(vec![25.0, 26.5]))),
+                ("n_cells", Arc::new(Int32Array::from(vec![20, 50]))),
+                (CLOSURE, Arc::new(StringArray::from(vec!["published", "no_stretching"]))),
+            ]),
+            10,
+        );
         let expected =
             "b,d_m,n_cells,upstream_closure\n1e4,25,20,published\n2e4,26.5,50,no_stretching";
         assert_eq!(table, TableForm::from_csv(expected.as_bytes()));
@@ -161,7 +183,8 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_refused_with_its_place() {
-        let refusal = |name, array| from_parquet(file(vec![(name, array)])).expect_err("refused");
+        let refusal =
+            |name, array| from_parquet(file(vec![(name, array)]), 10).expect_err("refused");
         let rows: [(&str, ArrayRef, &str); 5] = [
             ("b", Arc::new(Float64Array::from(vec![Some(1e4), None])), "table.rows[1][0]"),
             ("b", Arc::new(Float64Array::from(vec![f64::NAN])), "table.rows[0][0]"),
@@ -172,7 +195,9 @@ mod tests {
         for (name, array, field) in rows {
             assert_eq!(refusal(name, array).field.as_deref(), Some(field));
         }
-        let nothing = from_parquet(Bytes::from_static(b"b\n1e4\n")).expect_err("no Parquet");
+        let many: ArrayRef = Arc::new(Float64Array::from(vec![1e4; 11]));
+        assert_eq!(refusal("b", many).field.as_deref(), Some("table.rows"));
+        let nothing = from_parquet(Bytes::from_static(b"b\n1e4\n"), 10).expect_err("no Parquet");
         assert_eq!(nothing.field.as_deref(), Some("table"));
     }
 }

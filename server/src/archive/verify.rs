@@ -93,14 +93,28 @@ pub struct Lost {
     pub taken: TakenOut,
 }
 
-/// Takes everything that stands in damaged files out of the catalogue, so that it can be solved again.
+/// What became of damaged files.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TakenOutOfFiles {
+    /// Results that are to be solved again.
+    pub lost: Vec<Lost>,
+    /// Files of sealed sweeps, which are not solved again: a sealed sweep never changes.
+    pub sealed: Vec<String>,
+}
+
+/// Takes everything that stands in damaged files out of the catalogue, so that it can be solved again; but not
+/// what is sealed.
 pub async fn take_out_damaged(
     connection: &mut Connection,
     damaged: &[(String, String)],
-) -> sqlx::Result<Vec<Lost>> {
+) -> sqlx::Result<TakenOutOfFiles> {
     let mut homes: BTreeSet<(i64, i64)> = BTreeSet::new();
-    let mut lost = Vec::new();
+    let mut taken_out = TakenOutOfFiles::default();
     for (path, _) in damaged {
+        if catalogue::is_sealed_file(connection, path).await? {
+            taken_out.sealed.push(path.clone());
+            continue;
+        }
         for (sweep, chunk, guests) in rows_of_homes(connection, path).await? {
             if !homes.insert((sweep, chunk)) {
                 continue;
@@ -108,12 +122,12 @@ pub async fn take_out_damaged(
             for guest in guests {
                 let which = catalogue::Which::Home(sweep, chunk);
                 let taken = catalogue::take_out(connection, guest, which).await?;
-                lost.push(Lost { sweep: guest, taken });
+                taken_out.lost.push(Lost { sweep: guest, taken });
             }
         }
     }
     for (sweep, chunk) in homes {
         catalogue::drop_home(connection, sweep, chunk).await?;
     }
-    Ok(lost)
+    Ok(taken_out)
 }

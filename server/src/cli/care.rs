@@ -1,7 +1,10 @@
-//! `melange verify` and `melange backup`: whether a data directory is what it says, and a copy of it.
+//! `melange verify`, `melange backup` and `melange restore`: whether a data directory is what it says, a copy of it, and
+//! a data directory of the copy.
 
 use crate::archive::verify::{Findings, take_out_damaged, verify};
-use crate::archive::{backup, catalogue, files};
+use crate::archive::{backup, catalogue, files, restore};
+use crate::domain::person::Actor;
+use crate::people;
 use crate::queue;
 use crate::store::{Holder, Onlooker, Store, holder_of};
 use anyhow::bail;
@@ -34,6 +37,17 @@ pub struct BackupArguments {
     to: PathBuf,
 }
 
+/// Arguments of `melange restore`.
+#[derive(Debug, clap::Args)]
+pub struct RestoreArguments {
+    /// Folder that `melange backup` made.
+    #[arg(long)]
+    from: PathBuf,
+    /// Data directory to make, which must not exist or be empty.
+    #[arg(long)]
+    data: PathBuf,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Format {
     Text,
@@ -54,11 +68,12 @@ pub async fn verify_main(arguments: &VerifyArguments) -> anyhow::Result<ExitCode
             data.display()
         );
     }
+    let mut sealed = Vec::new();
     let findings = if arguments.repair {
         let store = Store::open_existing(data).await?;
         queue::reclaim(&store).await?;
         let findings = verify(&mut *store.read().await?, &store.archive()).await?;
-        repair(&store, &findings).await?;
+        sealed = repair(&store, &findings).await?;
         store.close().await;
         findings
     } else {
@@ -67,19 +82,27 @@ pub async fn verify_main(arguments: &VerifyArguments) -> anyhow::Result<ExitCode
     };
     match arguments.format {
         Format::Json => println!("{}", serde_json::to_string(&findings)?),
-        Format::Text => print!("{}", text(&findings, arguments.repair)),
+        Format::Text => print!("{}", text(&findings, arguments.repair, &sealed)),
     }
     let is_fine = findings.is_clean()
         || (arguments.repair
             && findings.contradictions.is_empty()
-            && findings.unreadable.is_empty());
+            && findings.unreadable.is_empty()
+            && sealed.is_empty());
     Ok(if is_fine { ExitCode::SUCCESS } else { ExitCode::from(FOUND) })
 }
 
-fn text(findings: &Findings, repaired: bool) -> String {
+fn text(findings: &Findings, repaired: bool, sealed: &[String]) -> String {
     let mut text = format!("{} files, {} bytes\n", findings.files, findings.bytes);
-    for (_, sentence) in &findings.damaged {
-        let done = if repaired { "; its runs are queued again" } else { "" };
+    for (path, sentence) in &findings.damaged {
+        let done = match repaired {
+            _ if sealed.contains(path) => {
+                "; it is sealed and is not solved again: put it back from a backup, or from an export, whose \
+                 table of the same name has the same bytes"
+            }
+            true => "; its runs are queued again",
+            false => "",
+        };
         text += &format!("damaged: {sentence}{done}\n");
     }
     for (_, sentence) in &findings.unreadable {
@@ -98,22 +121,42 @@ fn text(findings: &Findings, repaired: bool) -> String {
     text
 }
 
-/// Removes orphans and queues the runs of damaged files again.
-async fn repair(store: &Store, findings: &Findings) -> anyhow::Result<()> {
+/// Removes orphans and queues the runs of damaged files again; tells the damaged files that are sealed.
+async fn repair(store: &Store, findings: &Findings) -> anyhow::Result<Vec<String>> {
     let mut tx = store.write().await?;
-    for lost in take_out_damaged(&mut tx, &findings.damaged).await? {
+    let taken_out = take_out_damaged(&mut tx, &findings.damaged).await?;
+    for lost in &taken_out.lost {
         queue::requeue(&mut tx, lost.sweep, &lost.taken).await?;
+        let runs: i64 = lost.taken.statuses.iter().map(|(_, runs)| runs).sum();
+        let detail = format!("{runs} runs of damaged files queued again");
+        for row in queue::numbered(&mut tx, &[lost.sweep]).await? {
+            let who = Actor::operator().name;
+            people::audit(&mut tx, &who, "repair", &row.id, Some(&detail)).await?;
+        }
     }
     let unused = catalogue::drop_unused_files(&mut tx).await?;
     tx.commit().await?;
     let paths = unused.iter().chain(&findings.orphans).map(String::as_str);
     files::remove_if_there(&store.archive(), paths);
-    Ok(())
+    Ok(taken_out.sealed)
 }
 
 /// Copies a data directory.
 pub async fn backup_main(arguments: &BackupArguments) -> anyhow::Result<ExitCode> {
     let copied = backup::backup(&arguments.data, &arguments.to).await?;
     println!("{} files, {} bytes copied to {}", copied.files, copied.bytes, arguments.to.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Makes a data directory of a backup.
+pub async fn restore_main(arguments: &RestoreArguments) -> anyhow::Result<ExitCode> {
+    let restored = restore::restore(&arguments.from, &arguments.data).await?;
+    println!(
+        "{} files, {} bytes restored to {}, as they were at {}",
+        restored.copied.files,
+        restored.copied.bytes,
+        arguments.data.display(),
+        restored.made_at
+    );
     Ok(ExitCode::SUCCESS)
 }

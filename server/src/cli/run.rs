@@ -1,23 +1,25 @@
 //! `melange run`: one scenario, solved here and now.
 
+use super::reach::REFUSED;
 use crate::domain::document::Document;
 use crate::domain::outcome::{self, Outcome, SCALARS};
+use crate::domain::provenance::Provenance;
 use crate::domain::refusal::Refusal;
 use crate::domain::sensitivity;
 use crate::domain::start::Start;
 use crate::domain::status::Status;
+use crate::worker::host;
 use crate::worker::solve::Walker;
 use anyhow::Context;
 use clap::ValueEnum;
 use std::io::{Read, Write};
 use std::process::ExitCode;
+use std::time::Instant;
 
 /// Exit code of a verdict of physics.
 const VERDICT: u8 = 0;
 /// Exit code of a solver that gave up.
 const FAILED: u8 = 1;
-/// Exit code of bad input.
-const REFUSED: u8 = 2;
 
 /// Arguments of `melange run`.
 #[derive(Debug, clap::Args)]
@@ -86,6 +88,8 @@ pub fn print(
 
 /// Solves the one run of a document.
 pub fn solve(document: Document) -> Result<Outcome, Refusal> {
+    let options = document.options_of_runs();
+    let scenario = serde_json::to_value(&document).ok();
     let run = document.into_run()?;
     if let Some(Start::Run(id)) = &run.shared.start {
         return Err(Refusal::value(
@@ -94,8 +98,15 @@ pub fn solve(document: Document) -> Result<Outcome, Refusal> {
             "a single run has no archive to start from; submit it as a sweep",
         ));
     }
+    let begin = Instant::now();
     let solved = Walker::default().solve(&run, Err("a single run has no archive"), &|| false);
-    solved.ok_or_else(|| Refusal::sentence("stopped before the run ended"))
+    let mut outcome = solved.ok_or_else(|| Refusal::sentence("stopped before the run ended"))?;
+    outcome.provenance = Some(Provenance {
+        seed: run.seed(),
+        scenario,
+        ..Provenance::here(host::class(), options, begin.elapsed().as_secs_f64())
+    });
+    Ok(outcome)
 }
 
 /// The text of a file, or of standard input for `-`.

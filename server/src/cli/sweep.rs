@@ -1,18 +1,19 @@
 //! `melange sweep`: a whole sweep, solved here into a data directory, or by the service that holds it.
 
+use super::reach::{REFUSED, Reach};
 use super::run::read;
 use super::serve::threads;
 use crate::archive::{reuse, start};
 use crate::client::{Client, Refused};
 use crate::domain::document::Document;
+use crate::domain::person::Actor;
 use crate::domain::refusal::Refusal;
 use crate::domain::sweep::{Limits, SweepSpec};
 use crate::faults::Faults;
-use crate::http::MOST_BYTES;
 use crate::http::Service;
 use crate::http::submit::{dry_run, with_table};
 use crate::queue::{self, Submission};
-use crate::store::{self, Holder, Store};
+use crate::store::Store;
 use crate::worker::Workers;
 use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -45,8 +46,6 @@ pub struct Arguments {
 
 /// Pause between two looks at the sweep.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// Exit code of bad input.
-const REFUSED: u8 = 2;
 
 /// Queues the sweep and works until every run has ended.
 pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
@@ -54,8 +53,7 @@ pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         Ok(document) => document,
         Err(refusal) => return Ok(refused(&refusal.to_string())),
     };
-    if let Holder::Service(address) = store::holder_of(&arguments.data) {
-        let client = Client::new(address);
+    if let Reach::Service(client) = Reach::of(&arguments.data) {
         let dry_run = arguments.dry_run;
         return tokio::task::spawn_blocking(move || served(&client, &document, dry_run)).await?;
     }
@@ -70,9 +68,7 @@ pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let found = if sweep.is_forced() { 0 } else { reuse::found(&store, &sweep).await? };
     let workers = threads(arguments.workers);
     if arguments.dry_run {
-        let (limits, most_bytes) = (Limits::MOST, MOST_BYTES);
-        let (wake, stop) = (Arc::default(), CancellationToken::new());
-        let service = Service { store, wake, workers, limits, most_bytes, stop };
+        let service = Service::new(store, workers);
         let told =
             dry_run(&service, &sweep, found).await.map_err(|p| anyhow!("{}", p.sentence()))?;
         println!("{}", serde_json::to_string(&told)?);
@@ -100,7 +96,7 @@ fn document(arguments: &Arguments) -> anyhow::Result<Result<Document, Refusal>> 
         }
     };
     Ok(Document::parse(&text).and_then(|document| match table {
-        Some(bytes) => with_table(document, bytes.into()),
+        Some(bytes) => with_table(document, bytes.into(), Limits::MOST.max_runs),
         None => Ok(document),
     }))
 }
@@ -114,7 +110,12 @@ async fn solve(
 ) -> anyhow::Result<Value> {
     let wake = Arc::new(Notify::new());
     let workers = Workers::new(store.clone(), threads, wake, Faults::default()).await?;
-    let submission = Submission { workers: threads, found, idempotency: None };
+    let submission = Submission {
+        workers: threads,
+        found,
+        owner: Actor::operator().name,
+        ..Submission::default()
+    };
     let id = queue::enqueue(store, sweep, submission).await?.id;
     let stop = CancellationToken::new();
     let working = tokio::spawn(workers.work(stop.clone()));

@@ -1,13 +1,15 @@
-//! `melange pause`, `resume`, `stop`, `cancel`, `retry`, `delete`, `sweeps`: asked of the service that holds
+//! `melange pause`, `resume`, `stop`, `cancel`, `retry`, `delete`, `recover`, `sweeps`: asked of the service that holds
 //! the data directory, or done there if nobody does.
 
-use crate::client::{Client, Refused};
+use super::find;
+use super::reach::{self, Reach, ask};
+use crate::client::Refused;
+use crate::domain::person::Actor;
 use crate::domain::status::Verb;
 use crate::http::error::Problem;
-use crate::http::sweeps::Sweep;
+use crate::http::sweeps::{self, Listing};
 use crate::http::verbs;
-use crate::queue;
-use crate::store::{self, Holder, Store};
+use crate::store::{Onlooker, Store};
 use anyhow::anyhow;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -23,6 +25,16 @@ pub struct Arguments {
     data: PathBuf,
 }
 
+/// A sweep that is deleted.
+#[derive(Debug, clap::Args)]
+pub struct DeleteArguments {
+    #[command(flatten)]
+    sweep: Arguments,
+    /// At once and for good, also what lies in the trash already.
+    #[arg(long)]
+    for_good: bool,
+}
+
 /// A data directory.
 #[derive(Debug, clap::Args)]
 pub struct ListArguments {
@@ -32,68 +44,84 @@ pub struct ListArguments {
     /// Only sweeps with this tag.
     #[arg(long)]
     tag: Option<String>,
+    /// Which sweeps, such as 'owner = "ada" and failed > 0'; see docs/finding.md.
+    #[arg(long)]
+    filter: Option<String>,
+    /// Sweeps in the trash, in place of the others.
+    #[arg(long)]
+    trash: bool,
     /// Sweeps listed, the newest first.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
     limit: u16,
 }
 
-/// Exit code of what the sweep's state does not allow.
-const REFUSED: u8 = 2;
-
-/// Asks something of a sweep and prints what it is then; without a verb, deletes it.
-pub async fn main(arguments: &Arguments, verb: Option<Verb>) -> anyhow::Result<ExitCode> {
+/// Asks something of a sweep and prints what it is then.
+pub async fn main(arguments: &Arguments, verb: Verb) -> anyhow::Result<ExitCode> {
     let Arguments { id, data } = arguments;
-    let told = match store::holder_of(data) {
-        Holder::Service(address) => {
-            let client = Client::new(address);
-            let path = format!("/sweeps/{id}");
-            tokio::task::spawn_blocking(move || match verb {
-                Some(verb) => client.post(&format!("{path}/{}", verb.name()), b""),
-                None => client.delete(&path),
-            })
-            .await?
+    let told = match Reach::of(data) {
+        Reach::Service(client) => {
+            let path = format!("/sweeps/{id}/{}", verb.name());
+            ask(move || client.post(&path, b"")).await
         }
-        Holder::Nobody | Holder::Command => {
+        Reach::Directory => {
             let store = Store::open_existing(data).await?;
-            let told = match verb {
-                Some(verb) => verbs::act(&store, id, verb).await.map(Some),
-                None => verbs::remove(&store, id).await.map(|()| None),
-            };
+            let told = verbs::act(&store, &Actor::operator(), id, verb).await;
             store.close().await;
-            told.map_err(|problem: Problem| anyhow!(Refused(problem.sentence().to_owned())))
-                .and_then(|sweep| Ok(serde_json::to_value(sweep)?))
+            refusal(told).and_then(|sweep| Ok(serde_json::to_value(sweep)?))
         }
     };
-    match told {
-        Ok(sweep) => {
-            println!("{}", line(&sweep).unwrap_or_else(|| format!("{id} deleted")));
-            Ok(ExitCode::SUCCESS)
+    answer(told)
+}
+
+/// Prints a sweep as it is now, or why it was refused.
+pub fn answer(told: anyhow::Result<Value>) -> anyhow::Result<ExitCode> {
+    reach::told(told, |sweep| println!("{}", line(&sweep).unwrap_or_default()))
+}
+
+/// Deletes a sweep.
+pub async fn delete(arguments: &DeleteArguments) -> anyhow::Result<ExitCode> {
+    let DeleteArguments { sweep: Arguments { id, data }, for_good } = arguments;
+    let told = match Reach::of(data) {
+        Reach::Service(client) => {
+            let path = format!("/sweeps/{id}?for_good={for_good}");
+            ask(move || client.delete(&path).map(drop)).await
         }
-        Err(error) => match error.downcast::<Refused>() {
-            Ok(Refused(sentence)) => {
-                eprintln!("refused: {sentence}");
-                Ok(ExitCode::from(REFUSED))
-            }
-            Err(error) => Err(error),
-        },
-    }
+        Reach::Directory => {
+            let store = Store::open_existing(data).await?;
+            let told = verbs::remove(&store, &Actor::operator(), id, *for_good).await;
+            store.close().await;
+            refusal(told)
+        }
+    };
+    let then = if *for_good { "for good" } else { "; `melange recover` takes it out of the trash" };
+    reach::told(told, |()| println!("{id} deleted {then}"))
+}
+
+/// A problem, told as a refusal.
+fn refusal<T>(told: Result<T, Problem>) -> anyhow::Result<T> {
+    told.map_err(|problem| anyhow!(Refused(problem.sentence().to_owned())))
 }
 
 /// Lists sweeps, one line each.
 pub async fn list(arguments: &ListArguments) -> anyhow::Result<ExitCode> {
-    let onlooker = store::Onlooker::open(&arguments.data).await?;
-    let which = queue::Which {
-        tag: arguments.tag.as_deref(),
-        limit: i64::from(arguments.limit),
-        offset: 0,
+    let onlooker = Onlooker::open(&arguments.data).await?;
+    let listing = Listing {
+        limit: Some(i64::from(arguments.limit)),
+        tag: arguments.tag.clone(),
+        filter: arguments.filter.clone(),
+        trash: arguments.trash,
+        cursor: None,
     };
-    let (rows, total) = queue::sweeps(&mut *onlooker.read().await?, which).await?;
-    let shown = rows.len();
-    for row in rows {
-        println!("{}", line(&serde_json::to_value(Sweep::from(row))?).unwrap_or_default());
+    let page = match sweeps::page(&mut *onlooker.read().await?, &listing).await {
+        Ok(page) => page,
+        Err(problem) => return find::told(problem),
+    };
+    for sweep in &page.items {
+        println!("{}", line(&serde_json::to_value(sweep)?).unwrap_or_default());
     }
-    if (shown as i64) < total {
-        eprintln!("{shown} of {total} sweeps; --limit shows more");
+    let shown = page.items.len();
+    if (shown as i64) < page.total {
+        eprintln!("{shown} of {} sweeps; --limit shows more", page.total);
     }
     Ok(ExitCode::SUCCESS)
 }

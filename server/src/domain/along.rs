@@ -212,6 +212,7 @@ pub fn table(names: [&str; 2], error: &TableError) -> Refusal {
             field: Some(field),
             value: None,
             permitted: Some(permitted),
+            character: None,
         },
     }
 }

@@ -1,6 +1,7 @@
 //! The names of the interface, with units, meanings and ranges, for whoever draws or fills in a form.
 
 use super::outcome::SCALARS;
+use super::provenance;
 use melange_solver::control::Control;
 use melange_solver::params::PARAMETERS;
 use serde::Serialize;
@@ -15,6 +16,8 @@ pub struct Dictionary {
     pub scalars: Vec<ScalarEntry>,
     /// What a branch may be followed along.
     pub controls: Vec<ControlEntry>,
+    /// What the table of runs tells of where they come from.
+    pub provenance: Vec<ScalarEntry>,
 }
 
 /// A parameter.
@@ -62,10 +65,14 @@ impl Dictionary {
             let (min, max) = control.range();
             ControlEntry { name: control.name(), unit: control.unit(), min, max }
         });
+        let columns = provenance::COLUMNS.iter();
+        let provenance =
+            columns.map(|c| ScalarEntry { name: c.name, unit: c.unit, meaning: c.meaning });
         Self {
             parameters: parameters.collect(),
             scalars: scalars.collect(),
             controls: controls.collect(),
+            provenance: provenance.collect(),
         }
     }
 }

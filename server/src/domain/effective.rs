@@ -20,7 +20,7 @@ pub struct Effective {
 /// What a calving flux sets.
 pub const VELOCITIES: [&str; 2] = ["calving_rate_m_per_a", "terminus_velocity_m_per_a"];
 /// What a table of widths sets.
-const WIDTHS: [&str; 2] = ["width_m", "width_gradient"];
+pub const WIDTHS: [&str; 2] = ["width_m", "width_gradient"];
 /// Parameters that are 0 where nothing calves or melts.
 const NOT_AT_REST: [&str; 2] = ["calving_rate_m_per_a", "melt_rate_m_per_day"];
 

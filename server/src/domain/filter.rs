@@ -2,8 +2,14 @@
 //! `melt_rate_m_per_day >= 0.6 and (status = "converged" or status = "collapsed")`. Text in, tree out;
 //! knows neither which columns there are nor where the runs are kept.
 
+mod moment;
+mod resolve;
+mod tokens;
+
+pub use resolve::{Known, Resolved};
+
 use super::refusal::Refusal;
-use std::fmt;
+use tokens::{Token, tokens};
 
 /// A condition on a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,6 +58,8 @@ pub enum Comparison {
     Greater,
     /// `>=`
     GreaterOrEqual,
+    /// `~`: the text on the right is part of the one on the left, whatever the case of its letters.
+    Contains,
 }
 
 impl Comparison {
@@ -64,6 +72,7 @@ impl Comparison {
             Self::LessOrEqual => "<=",
             Self::Greater => ">",
             Self::GreaterOrEqual => ">=",
+            Self::Contains => "~",
         }
     }
 
@@ -97,10 +106,22 @@ pub enum Literal {
 }
 
 impl Literal {
-    fn kind(&self) -> ColumnKind {
-        match self {
-            Self::Number(_) => ColumnKind::Number,
-            Self::Text(_) => ColumnKind::Text,
+    /// Whether it can be compared with a column of a kind.
+    fn is_of(&self, kind: ColumnKind) -> bool {
+        match (self, kind) {
+            (Self::Number(_), kind) => kind == ColumnKind::Number,
+            (Self::Text(text), ColumnKind::Time) => moment::checked(text).is_some(),
+            (Self::Text(_), kind) => kind != ColumnKind::Number,
+        }
+    }
+
+    /// As it stands in the tree: moments without their zone, which is always UTC.
+    fn of(self, kind: ColumnKind) -> Self {
+        match (&self, kind) {
+            (Self::Text(text), ColumnKind::Time) => {
+                moment::checked(text).map_or(self.clone(), |moment| Self::Text(moment.to_owned()))
+            }
+            _ => self,
         }
     }
 }
@@ -112,6 +133,34 @@ pub enum ColumnKind {
     Number,
     /// Texts.
     Text,
+    /// Moments in UTC, written as in `2026-11-01T12:30:00`. A literal may leave out what follows the year, the
+    /// month, the day and so on, and then means all that time: `< "2026-11"` is before November, `= "2026-11"`
+    /// within it, `> "2026-11"` after it.
+    Time,
+    /// Any number of words. `=` means that one of them is it, `!=` that none is.
+    Words,
+}
+
+impl ColumnKind {
+    /// Whether a comparison has a meaning for such a column.
+    fn takes(self, op: Comparison) -> bool {
+        match self {
+            Self::Number | Self::Time => op != Comparison::Contains,
+            Self::Text => true,
+            Self::Words => {
+                matches!(op, Comparison::Equal | Comparison::NotEqual | Comparison::Contains)
+            }
+        }
+    }
+
+    /// The comparisons that have a meaning.
+    fn comparisons(self) -> &'static str {
+        match self {
+            Self::Number | Self::Time => COMPARISONS,
+            Self::Text => "one of = != < <= > >= ~",
+            Self::Words => "one of = != ~",
+        }
+    }
 }
 
 /// Longest filter, in characters.
@@ -139,6 +188,7 @@ impl Filter {
                 field: Some("filter".into()),
                 value: Some(text.into()),
                 permitted: Some(permitted),
+                character: Some(at),
             },
         )
     }
@@ -149,143 +199,6 @@ struct Misfit {
     at: usize,
     found: String,
     permitted: String,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-enum Token {
-    Name(String),
-    Literal(Literal),
-    Comparison(Comparison),
-    Open,
-    Close,
-    Comma,
-    And,
-    Or,
-    Not,
-    In,
-    Is,
-    Null,
-    End,
-}
-
-impl fmt::Display for Token {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Name(name) => write!(f, "`{name}`"),
-            Self::Literal(Literal::Number(number)) => write!(f, "the number {number}"),
-            Self::Literal(Literal::Text(text)) => write!(f, "the text \"{text}\""),
-            Self::Comparison(op) => write!(f, "`{}`", op.symbol()),
-            Self::Open => f.write_str("`(`"),
-            Self::Close => f.write_str("`)`"),
-            Self::Comma => f.write_str("`,`"),
-            Self::And => f.write_str("`and`"),
-            Self::Or => f.write_str("`or`"),
-            Self::Not => f.write_str("`not`"),
-            Self::In => f.write_str("`in`"),
-            Self::Is => f.write_str("`is`"),
-            Self::Null => f.write_str("`null`"),
-            Self::End => f.write_str("the end"),
-        }
-    }
-}
-
-const KEYWORDS: [(&str, Token); 6] = [
-    ("and", Token::And),
-    ("or", Token::Or),
-    ("not", Token::Not),
-    ("in", Token::In),
-    ("is", Token::Is),
-    ("null", Token::Null),
-];
-
-/// The tokens with the character at which each begins, `End` last.
-fn tokens(text: &str) -> Result<Vec<(usize, Token)>, Misfit> {
-    let characters: Vec<char> = text.chars().collect();
-    let mut tokens = Vec::new();
-    let mut i = 0;
-    while i < characters.len() {
-        let rest = &characters[i..];
-        let (length, token) = match rest[0] {
-            c if c.is_whitespace() => {
-                i += 1;
-                continue;
-            }
-            '(' => (1, Token::Open),
-            ')' => (1, Token::Close),
-            ',' => (1, Token::Comma),
-            '=' => (1, Token::Comparison(Comparison::Equal)),
-            '!' if rest.get(1) == Some(&'=') => (2, Token::Comparison(Comparison::NotEqual)),
-            '<' if rest.get(1) == Some(&'=') => (2, Token::Comparison(Comparison::LessOrEqual)),
-            '<' => (1, Token::Comparison(Comparison::Less)),
-            '>' if rest.get(1) == Some(&'=') => (2, Token::Comparison(Comparison::GreaterOrEqual)),
-            '>' => (1, Token::Comparison(Comparison::Greater)),
-            '"' | '\'' => quoted(rest, i + 1)?,
-            '0'..='9' | '.' | '+' | '-' => number(rest, i + 1)?,
-            c if c.is_alphabetic() || c == '_' => word(rest),
-            c => {
-                return Err(Misfit {
-                    at: i + 1,
-                    found: format!("`{c}`"),
-                    permitted: "a column, a number, a text in quotes, one of = != < <= > >=, a \
-                                parenthesis, a comma, or and, or, not, in, is, null"
-                        .into(),
-                });
-            }
-        };
-        tokens.push((i + 1, token));
-        i += length;
-    }
-    tokens.push((characters.len() + 1, Token::End));
-    Ok(tokens)
-}
-
-fn word(rest: &[char]) -> (usize, Token) {
-    let word: String =
-        rest.iter().take_while(|c| c.is_alphanumeric() || **c == '_' || **c == '.').collect();
-    let length = word.chars().count();
-    let keyword = KEYWORDS.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
-    (length, keyword.map_or_else(|| Token::Name(word), |(_, token)| token.clone()))
-}
-
-fn number(rest: &[char], at: usize) -> Result<(usize, Token), Misfit> {
-    let is_of_it = |i: usize| {
-        let follows_exponent = i > 0 && matches!(rest[i - 1], 'e' | 'E');
-        match rest[i] {
-            '+' | '-' => i == 0 || follows_exponent,
-            c => c.is_alphanumeric() || c == '.' || c == '_',
-        }
-    };
-    let length = (0..rest.len()).take_while(|i| is_of_it(*i)).count();
-    let text: String = rest[..length].iter().collect();
-    let value = text.parse().ok().filter(|value: &f64| value.is_finite());
-    match value {
-        Some(value) => Ok((length, Token::Literal(Literal::Number(value)))),
-        None => Err(Misfit {
-            at,
-            found: format!("`{text}`"),
-            permitted: "a finite number such as 50, -0.5 or 1e6".into(),
-        }),
-    }
-}
-
-/// A text between quotes, in which a doubled quote stands for itself.
-fn quoted(rest: &[char], at: usize) -> Result<(usize, Token), Misfit> {
-    let quote = rest[0];
-    let mut text = String::new();
-    let mut i = 1;
-    while i < rest.len() {
-        if rest[i] != quote {
-            text.push(rest[i]);
-            i += 1;
-        } else if rest.get(i + 1) == Some(&quote) {
-            text.push(quote);
-            i += 2;
-        } else {
-            return Ok((i + 1, Token::Literal(Literal::Text(text))));
-        }
-    }
-    let permitted = format!("a text that ends with {quote} as it begins");
-    Err(Misfit { at, found: format!("{quote} that is not closed"), permitted })
 }
 
 struct Parser<'a> {
@@ -350,12 +263,20 @@ impl Parser<'_> {
     fn chain(&mut self) -> Result<Filter, Misfit> {
         let at = self.next;
         let first = self.literal(None)?;
-        let Some(op) = self.took_comparison() else { return Err(self.misfit(COMPARISONS)) };
+        let Some(op) = self.took_comparison().filter(|op| *op != Comparison::Contains) else {
+            self.next = at + 1;
+            return Err(self.misfit(COMPARISONS));
+        };
         let (column, kind) = self.column()?;
-        if first.kind() != kind {
+        if !first.is_of(kind) {
             self.next = at;
             return Err(self.misfit(kind_sentence(&column, kind)));
         }
+        if !kind.takes(op) {
+            self.next = at + 1;
+            return Err(self.misfit(kind.comparisons()));
+        }
+        let first = first.of(kind);
         let lower = Filter::Compare { column: column.clone(), op: op.turned(), literal: first };
         let Token::Comparison(second) = *self.token() else { return Ok(lower) };
         let is_chain =
@@ -377,6 +298,10 @@ impl Parser<'_> {
     fn of_column(&mut self) -> Result<Filter, Misfit> {
         let (column, kind) = self.column()?;
         if let Some(op) = self.took_comparison() {
+            if !kind.takes(op) {
+                self.next -= 1;
+                return Err(self.misfit(kind.comparisons()));
+            }
             let literal = self.literal(Some((&column, kind)))?;
             return Ok(Filter::Compare { column, op, literal });
         }
@@ -408,7 +333,9 @@ impl Parser<'_> {
         let Token::Name(name) = self.token() else { return Err(self.misfit("a column")) };
         let name = name.clone();
         let Some(kind) = (self.kind_of)(&name) else {
-            return Err(self.misfit("the name of a column: a parameter, or a part of a result"));
+            return Err(
+                self.misfit("the name of a column that this list has, such as melt_rate_m_per_day")
+            );
         };
         self.next += 1;
         Ok((name, kind))
@@ -419,12 +346,15 @@ impl Parser<'_> {
         let permitted =
             column.map_or_else(|| VALUE.to_owned(), |(name, kind)| kind_sentence(name, kind));
         let Token::Literal(literal) = self.token() else { return Err(self.misfit(permitted)) };
-        if column.is_some_and(|(_, kind)| kind != literal.kind()) {
+        if column.is_some_and(|(_, kind)| !literal.is_of(kind)) {
             return Err(self.misfit(permitted));
         }
         let literal = literal.clone();
         self.next += 1;
-        Ok(literal)
+        Ok(match column {
+            Some((_, kind)) => literal.of(kind),
+            None => literal,
+        })
     }
 
     fn token(&self) -> &Token {
@@ -450,7 +380,7 @@ impl Parser<'_> {
 }
 
 const COMPARISONS: &str = "one of = != < <= > >=";
-const AFTER_COLUMN: &str = "one of = != < <= > >=, `in`, `not in`, `is null` or `is not null`";
+const AFTER_COLUMN: &str = "one of = != < <= > >= ~, `in`, `not in`, `is null` or `is not null`";
 
 fn negated(is_not: bool, filter: Filter) -> Filter {
     if is_not { Filter::Not(Box::new(filter)) } else { filter }
@@ -460,6 +390,10 @@ fn kind_sentence(column: &str, kind: ColumnKind) -> String {
     match kind {
         ColumnKind::Number => format!("a number, which `{column}` holds"),
         ColumnKind::Text => format!("a text in quotes, which `{column}` holds"),
+        ColumnKind::Time => {
+            format!("a date in quotes, which `{column}` holds, such as \"2026-11-01\"")
+        }
+        ColumnKind::Words => format!("a text in quotes, such as `{column}` holds"),
     }
 }
 

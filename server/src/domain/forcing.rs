@@ -133,6 +133,7 @@ pub fn refusal(e: &melange_solver::forcing::ForcingError) -> Refusal {
             field: Some(e.field()),
             value: None,
             permitted: Some(e.permitted()),
+            character: None,
         },
     }
 }

@@ -15,6 +15,9 @@ use melange_solver::transient::Stepping;
 /// solved to, so that old results are not taken for new ones.
 pub const MODEL_VERSION: &str = "melange-model 2";
 
+/// All versions there were, the present one first.
+pub const MODEL_VERSIONS: [&str; 2] = [MODEL_VERSION, "melange-model 1"];
+
 /// Hex digits of a run's id: 128 bits of the blake3 hash.
 pub const ID_DIGITS: usize = 32;
 
@@ -22,9 +25,14 @@ impl RunSpec {
     /// The run's id: blake3 of everything its result depends on, numbers as IEEE-754 bits with −0 as 0.
     /// Each part is preceded by a tag, and each text by its length. What is not given leaves no trace.
     pub fn id(&self) -> String {
+        self.id_of_model(None)
+    }
+
+    /// The id it has, or had, under a version of the model; this one if none is given.
+    pub fn id_of_model(&self, model_version: Option<&str>) -> String {
         let shared = &self.shared;
         let mut key = Key::default();
-        key.text("model", MODEL_VERSION);
+        key.text("model", model_version.unwrap_or(MODEL_VERSION));
         key.text("regime", shared.regime.name());
         key.text("upstream_closure", self.model.closure().name());
         for info in &PARAMETERS {

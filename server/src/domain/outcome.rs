@@ -3,6 +3,7 @@
 use super::calibrated::{Calibrated, Calibration, CalibrationRow};
 use super::curve::{Branch, BranchCurve, CurveRow, FoldCurve, Folds};
 use super::discrete_root::RootRow;
+use super::provenance::Provenance;
 use super::sensitivity::SensitivityRow;
 use super::status::Status;
 use melange_solver::params::{PARAMETERS, Parameters};
@@ -79,6 +80,9 @@ pub struct Outcome {
     /// Speed and fluidity across the fjord, where asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub transects: Vec<TransectProfile>,
+    /// Where the numbers come from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
 }
 
 impl Outcome {

@@ -60,7 +60,7 @@ fn located(path: &Path, message: &str, value: Option<Value>) -> Refusal {
     }
     let given = value.as_ref().map_or_else(String::new, |v| format!(" = {v}"));
     let detail = format!("`{path}`{given} is refused: {message}");
-    Refusal { detail, field: Some(path), value, permitted }
+    Refusal { detail, field: Some(path), value, permitted, character: None }
 }
 
 /// The value at a path of the text that `deserializer` reads, if there is one.

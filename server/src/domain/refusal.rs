@@ -19,12 +19,25 @@ pub struct Refusal {
     /// What would be permitted there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub permitted: Option<String>,
+    /// At which character of the value, counted from 1, if it is a filter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub character: Option<usize>,
 }
 
 impl Refusal {
     /// A sentence about the document as a whole.
     pub fn sentence(detail: impl Into<String>) -> Self {
-        Self { detail: detail.into(), field: None, value: None, permitted: None }
+        Self { detail: detail.into(), field: None, value: None, permitted: None, character: None }
+    }
+
+    /// The sentence; below it, if it is about a character of a filter, the filter with a mark under that.
+    pub fn pointed(&self) -> String {
+        let text = self.value.as_ref().and_then(serde_json::Value::as_str);
+        let (Some(text), Some(character)) = (text, self.character) else {
+            return self.detail.clone();
+        };
+        let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        format!("{}\n  {line}\n  {:>character$}", self.detail, '^')
     }
 
     /// A field whose value is not permitted.
@@ -39,6 +52,7 @@ impl Refusal {
             field: Some(field),
             value: Some(value),
             permitted: Some(permitted),
+            character: None,
         }
     }
 

@@ -62,7 +62,8 @@ impl Status {
 }
 
 /// Runs of a sweep by state; all but `total` add up to `total`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, ToSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Counts {
     /// All runs of the sweep.
     pub total: i64,
@@ -147,6 +148,49 @@ impl Counts {
         true
     }
 
+    /// The number of a name, as in the interface.
+    pub fn named(&self, name: &str) -> Option<i64> {
+        Some(match name {
+            "total" => self.total,
+            "queued" => self.queued,
+            "running" => self.running,
+            "converged" => self.converged,
+            "completed" => self.completed,
+            "collapsed" => self.collapsed,
+            "no_steady_state" => self.no_steady_state,
+            "no_fold" => self.no_fold,
+            "overthick" => self.overthick,
+            "fjord_closed" => self.fjord_closed,
+            "failed" => self.failed,
+            "cancelled" => self.cancelled,
+            _ => return None,
+        })
+    }
+
+    /// The total, if no count is negative and all but it add up to it.
+    pub fn check(&self) -> Option<i64> {
+        let pending = [self.queued, self.running, self.cancelled];
+        let mut sum = 0_i64;
+        for n in pending.into_iter().chain(Status::STORED.map(|status| self.of(status))) {
+            sum = sum.checked_add(Some(n).filter(|n| *n >= 0)?)?;
+        }
+        Some(sum).filter(|sum| *sum == self.total)
+    }
+
+    /// Runs that ended with a status.
+    pub fn of(&self, status: Status) -> i64 {
+        match status {
+            Status::Converged => self.converged,
+            Status::Completed => self.completed,
+            Status::Collapsed => self.collapsed,
+            Status::NoSteadyState => self.no_steady_state,
+            Status::NoFold => self.no_fold,
+            Status::Overthick => self.overthick,
+            Status::FjordClosed => self.fjord_closed,
+            Status::Failed | Status::Refused => self.failed,
+        }
+    }
+
     /// Runs that ended, one way or another.
     pub fn ended(&self) -> i64 {
         self.total - self.queued - self.running
@@ -218,6 +262,30 @@ pub enum SweepState {
     Cancelled,
 }
 
+impl SweepState {
+    /// All states.
+    pub const ALL: [SweepState; 6] = [
+        Self::Queued,
+        Self::Running,
+        Self::Paused,
+        Self::Stopping,
+        Self::Complete,
+        Self::Cancelled,
+    ];
+
+    /// Name at every boundary.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Paused => "paused",
+            Self::Stopping => "stopping",
+            Self::Complete => "complete",
+            Self::Cancelled => "cancelled",
+        }
+    }
+}
+
 /// What a user asks of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -232,11 +300,14 @@ pub enum Verb {
     Cancel,
     /// Queue the failed runs again.
     Retry,
+    /// Take it out of the trash.
+    Recover,
 }
 
 impl Verb {
     /// All verbs.
-    pub const ALL: [Verb; 5] = [Verb::Pause, Verb::Resume, Verb::Stop, Verb::Cancel, Verb::Retry];
+    pub const ALL: [Verb; 6] =
+        [Verb::Pause, Verb::Resume, Verb::Stop, Verb::Cancel, Verb::Retry, Verb::Recover];
 
     /// Name at every boundary.
     pub fn name(self) -> &'static str {
@@ -246,6 +317,7 @@ impl Verb {
             Verb::Stop => "stop",
             Verb::Cancel => "cancel",
             Verb::Retry => "retry",
+            Verb::Recover => "recover",
         }
     }
 

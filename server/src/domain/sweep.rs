@@ -1,12 +1,15 @@
 //! A sweep: a scenario and its points, which are the grid of its axes, a sample or the rows of a table.
 
 use super::axes::{self, Column, Columns};
-use super::document::Document;
+use super::document::{Document, Regime};
 use super::effective::VELOCITIES;
+use super::label;
 use super::order::Order;
 use super::refusal::Refusal;
 use super::run::{FLUX, MAX_STORED_NUMBERS, RunSpec, Scenario};
+use melange_solver::params::PARAMETERS;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A sweep whose every run has been checked to be a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +20,9 @@ pub struct SweepSpec {
     axes: Vec<(Columns, usize)>,
     count: usize,
     order: Order,
+    options: Option<Arc<str>>,
+    /// Least and greatest value of each parameter, in the order of their table.
+    ranges: [(f64, f64); PARAMETERS.len()],
 }
 
 /// What the operator permits.
@@ -40,15 +46,6 @@ impl Default for Limits {
     }
 }
 
-/// Longest name of a sweep, in characters.
-const MAX_NAME: usize = 200;
-/// Most tags of a sweep.
-const MAX_TAGS: usize = 20;
-/// Longest tag, in characters.
-const MAX_TAG: usize = 50;
-/// Largest priority, and the smallest with the other sign.
-const MAX_PRIORITY: i64 = 100;
-
 impl Document {
     /// The document as a sweep; without points of its own it has one run. Every run is checked.
     pub fn into_sweep(self, limits: &Limits) -> Result<SweepSpec, Refusal> {
@@ -67,9 +64,13 @@ impl Document {
                 ..Refusal::sentence("`upstream_closure` is given as an option and as an axis")
             });
         }
-        let sweep = SweepSpec::new(self, scenario, axes)?;
+        let mut sweep = SweepSpec::new(self, scenario, axes)?;
         for index in 0..sweep.count {
-            sweep.checked_run(index).map_err(|refusal| sweep.in_row(index, refusal))?;
+            let run = sweep.checked_run(index).map_err(|refusal| sweep.in_row(index, refusal))?;
+            for (parameter, (low, high)) in PARAMETERS.iter().zip(&mut sweep.ranges) {
+                let value = (parameter.get)(run.parameters());
+                (*low, *high) = (low.min(value), high.max(value));
+            }
         }
         Ok(sweep)
     }
@@ -106,33 +107,9 @@ impl Document {
 
     /// Checks what only people and the queue read.
     fn check_label(&self) -> Result<(), Refusal> {
-        let length = self.name.as_deref().unwrap_or_default().chars().count();
-        if length > MAX_NAME {
-            let permitted = format!("at most {MAX_NAME} characters");
-            return Err(Refusal::value("name", length, permitted));
-        }
-        if self.tags.len() > MAX_TAGS {
-            let permitted = format!("at most {MAX_TAGS} tags");
-            return Err(Refusal::value("tags", self.tags.len(), permitted));
-        }
-        for (i, tag) in self.tags.iter().enumerate() {
-            let field = format!("tags[{i}]");
-            let is_plain = tag.chars().all(|c| c.is_alphanumeric() || "_-.:".contains(c));
-            if !is_plain || !(1..=MAX_TAG).contains(&tag.chars().count()) {
-                let permitted = format!("1 to {MAX_TAG} letters, digits, `_`, `-`, `.` and `:`");
-                return Err(Refusal::value(field, tag.as_str(), permitted));
-            }
-            if self.tags[..i].contains(tag) {
-                return Err(Refusal::value(field, tag.as_str(), "each tag once"));
-            }
-        }
-        match self.priority {
-            Some(priority) if !(-MAX_PRIORITY..=MAX_PRIORITY).contains(&priority) => {
-                let permitted = format!("a whole number from -{MAX_PRIORITY} to {MAX_PRIORITY}");
-                Err(Refusal::value("priority", priority, permitted))
-            }
-            _ => Ok(()),
-        }
+        label::check_name(self.name.as_deref().unwrap_or_default())?;
+        label::check_tags(&self.tags)?;
+        label::check_priority(self.priority.unwrap_or_default())
     }
 }
 
@@ -152,7 +129,9 @@ impl SweepSpec {
         }
         spaced.reverse();
         let order = Order::new(&spaced);
-        Ok(Self { document, scenario, axes: spaced, count, order })
+        let options = document.options_of_runs();
+        let ranges = [(f64::INFINITY, f64::NEG_INFINITY); PARAMETERS.len()];
+        Ok(Self { document, scenario, axes: spaced, count, order, options, ranges })
     }
 
     /// The document it was made from.
@@ -180,6 +159,16 @@ impl SweepSpec {
         self.document.force.unwrap_or_default()
     }
 
+    /// What identifies its runs beside parameters and closure, as JSON; none if that is long.
+    pub fn options(&self) -> Option<Arc<str>> {
+        self.options.clone()
+    }
+
+    /// Seed of the sample that its points are.
+    pub fn seed(&self) -> Option<u64> {
+        self.document.sample.as_ref().map(|sample| sample.seed)
+    }
+
     /// Number of runs.
     pub fn count(&self) -> usize {
         self.count
@@ -201,6 +190,16 @@ impl SweepSpec {
             }
         }
         varied
+    }
+
+    /// What its runs solve for.
+    pub fn regime(&self) -> Regime {
+        self.scenario.shared().regime
+    }
+
+    /// The least and the greatest value of each parameter among all runs.
+    pub fn ranges(&self) -> impl Iterator<Item = (&'static str, f64, f64)> {
+        PARAMETERS.iter().zip(self.ranges).map(|(p, (low, high))| (p.name, low, high))
     }
 
     /// Units of work (see [`RunSpec::work`]) and stored numbers of all runs.

@@ -97,6 +97,20 @@ impl TableForm {
         self.cells.first().map_or(0, Cells::len)
     }
 
+    /// Checks names of columns, of which nothing but the names need be known.
+    pub fn check_names(columns: &[String]) -> Result<(), Refusal> {
+        for (i, name) in columns.iter().enumerate() {
+            let field = format!("table.columns[{i}]");
+            if name != CLOSURE {
+                known_name(&field, name)?;
+            }
+            if columns[..i].contains(name) {
+                return Err(Refusal::value(field, name.as_str(), "each column once"));
+            }
+        }
+        Ok(())
+    }
+
     /// The columns, checked by their names.
     pub fn lanes(&self) -> Result<Vec<Column>, Refusal> {
         if self.columns.is_empty() {
@@ -109,12 +123,10 @@ impl TableForm {
         if self.rows() == 0 {
             return Err(Refusal::value("table.rows", Vec::<f64>::new(), "at least one row"));
         }
+        Self::check_names(&self.columns)?;
         let mut lanes = Vec::with_capacity(self.columns.len());
         for (i, (name, cells)) in self.columns.iter().zip(&self.cells).enumerate() {
             let field = format!("table.columns[{i}]");
-            if self.columns[..i].contains(name) {
-                return Err(Refusal::value(field, name.as_str(), "each column once"));
-            }
             lanes.push(match (name.as_str(), cells) {
                 (CLOSURE, Cells::Closures(closures)) => Column::Closure(closures.clone()),
                 (CLOSURE, Cells::Numbers(values)) => {

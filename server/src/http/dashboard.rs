@@ -1,9 +1,30 @@
 //! The dashboard's files, embedded in the binary. Nothing is fetched from elsewhere.
 
 use super::error::Problem;
-use axum::http::{Method, Uri, header};
+use axum::http::header::HeaderName;
+use axum::http::{HeaderValue, Method, Uri, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::RustEmbed;
+
+/// What a page of ours may load and do: nothing from elsewhere, no script within it, and no other site may show
+/// it in a frame. A second fence behind the notes' own, whose text comes from people.
+const FENCE: [(HeaderName, HeaderValue); 3] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        HeaderValue::from_static(
+            "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; object-src 'none'; \
+             base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
+        ),
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
+    (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
+];
+
+/// Puts the fence around an answer.
+pub async fn fence(mut response: Response) -> Response {
+    response.headers_mut().extend(FENCE);
+    response
+}
 
 #[derive(RustEmbed)]
 #[folder = "$OUT_DIR/web"]

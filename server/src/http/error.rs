@@ -1,16 +1,24 @@
 //! One error for the whole interface: a problem document (RFC 9457). Bad input is 400 when it cannot
 //! be read and 422 when it says what is not permitted; causes of inner errors are logged, not leaked.
 
+use super::request;
 use crate::archive::ArchiveError;
+use crate::archive::ensemble::ImportError;
+use crate::domain::person::Forbidden;
 use crate::domain::refusal::Refusal;
+use crate::people::Unfit;
 use crate::queue::{EnqueueError, VerbError};
 use axum::extract::multipart::{MultipartError, MultipartRejection};
 use axum::extract::rejection::BytesRejection;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use std::io;
+use std::time::Duration;
 use utoipa::ToSchema;
+
+/// Media type of problem documents.
+pub const PROBLEM_TYPE: &str = "application/problem+json";
 
 /// A problem document.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
@@ -24,12 +32,26 @@ pub struct Problem {
     status: u16,
     #[serde(flatten)]
     refusal: Box<Refusal>,
+    /// When to try again, s.
+    #[serde(skip)]
+    wait_s: Option<u64>,
+    /// Of an answer that the service could not give: what the log knows the request by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    request_id: Option<String>,
 }
 
 impl Problem {
     fn new(status: StatusCode, refusal: Refusal) -> Self {
         let title = status.canonical_reason().unwrap_or("error");
-        Self { kind: "about:blank", title, status: status.as_u16(), refusal: Box::new(refusal) }
+        let request_id = status.is_server_error().then(request::id).flatten();
+        let (status, refusal) = (status.as_u16(), Box::new(refusal));
+        Self { kind: "about:blank", title, status, refusal, wait_s: None, request_id }
+    }
+
+    /// An archive is larger than is taken.
+    pub fn archive_too_large(most: u64) -> Self {
+        let sentence = format!("the archive has more than {most} bytes, and no more are taken");
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, Refusal::sentence(sentence))
     }
 
     /// A document is larger than is taken.
@@ -54,6 +76,62 @@ impl Problem {
         Self::new(StatusCode::CONFLICT, Refusal::sentence(sentence))
     }
 
+    /// A document is longer than is taken; how long it is was not looked.
+    pub fn longer_than(most: usize) -> Self {
+        let sentence =
+            format!("the document has more than {most} bytes, which is the most taken here");
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, Refusal::sentence(sentence))
+    }
+
+    /// Nobody knows who asks.
+    pub fn unauthorized(why: &str) -> Self {
+        let sentence = format!(
+            "{why}: send `Authorization: Bearer <token>`, or log in on the page; an admin gives out tokens"
+        );
+        Self::new(StatusCode::UNAUTHORIZED, Refusal::sentence(sentence))
+    }
+
+    /// Too many wrong tokens came from an address.
+    pub fn too_many_failures(wait: Duration) -> Self {
+        let wait_s = wait.as_secs() + 1;
+        let sentence =
+            format!("too many wrong tokens came from your address: try again in {wait_s} s");
+        Self::new(StatusCode::TOO_MANY_REQUESTS, Refusal::sentence(sentence)).after(wait_s)
+    }
+
+    fn after(mut self, wait_s: u64) -> Self {
+        self.wait_s = Some(wait_s);
+        self
+    }
+
+    /// Who asks may not.
+    pub fn forbidden(sentence: impl Into<String>) -> Self {
+        Self::new(StatusCode::FORBIDDEN, Refusal::sentence(sentence))
+    }
+
+    /// A handler wants to know who asks, and nobody has found out.
+    pub fn unknown_actor() -> Self {
+        let sentence = "the service does not know who asks: a defect to report";
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, Refusal::sentence(sentence))
+    }
+
+    /// The file is not the one that the request is about.
+    pub fn changed() -> Self {
+        let sentence = "the file has another tag than those of `If-Match`";
+        Self::new(StatusCode::PRECONDITION_FAILED, Refusal::sentence(sentence))
+    }
+
+    /// A range has none of a file's bytes.
+    pub fn unsatisfiable(bytes: u64) -> Self {
+        let sentence = format!("the file has {bytes} bytes, and `Range` asks for none of them");
+        Self::new(StatusCode::RANGE_NOT_SATISFIABLE, Refusal::sentence(sentence))
+    }
+
+    /// A header that cannot be written: a defect.
+    pub fn untold() -> Self {
+        Self::inner(&io::Error::other("a header of a download cannot be written"))
+    }
+
     /// A handler broke off.
     pub fn broken() -> Response {
         Self::new(
@@ -74,7 +152,13 @@ impl Problem {
         &self.refusal.detail
     }
 
-    fn inner(cause: &dyn std::error::Error) -> Self {
+    /// The sentence, with a mark under the character that it is about, if it is about one.
+    pub fn pointed(&self) -> String {
+        self.refusal.pointed()
+    }
+
+    /// The service failed; why is for its log.
+    pub fn inner(cause: &dyn std::error::Error) -> Self {
         tracing::error!("{cause}");
         let sentence = "the service could not answer; its log says why";
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, Refusal::sentence(sentence))
@@ -84,12 +168,21 @@ impl Problem {
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-        (
+        let wait_s = self.wait_s;
+        let mut response = (
             status,
-            [(header::CONTENT_TYPE, "application/problem+json")],
+            [(header::CONTENT_TYPE, PROBLEM_TYPE)],
             axum::Json(self).into_response().into_body(),
         )
-            .into_response()
+            .into_response();
+        if let Some(wait_s) = wait_s {
+            response.headers_mut().insert(header::RETRY_AFTER, wait_s.into());
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            let scheme = HeaderValue::from_static("Bearer");
+            response.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
+        }
+        response
     }
 }
 
@@ -101,6 +194,12 @@ impl From<Refusal> for Problem {
             StatusCode::BAD_REQUEST
         };
         Self::new(status, refusal)
+    }
+}
+
+impl From<Forbidden> for Problem {
+    fn from(Forbidden(sentence): Forbidden) -> Self {
+        Self::forbidden(sentence)
     }
 }
 
@@ -163,7 +262,38 @@ impl From<ArchiveError> for Problem {
                     _ => Self::inner(&error),
                 }
             }
+            ArchiveError::TooLarge { .. } => {
+                Self::new(StatusCode::UNPROCESSABLE_ENTITY, Refusal::sentence(error.to_string()))
+            }
+            ArchiveError::NoRuns => Self::conflict(error.to_string()),
             error => Self::inner(&error),
+        }
+    }
+}
+
+impl From<Unfit> for Problem {
+    fn from(error: Unfit) -> Self {
+        match error {
+            Unfit::Database(error) => error.into(),
+            Unfit::Refused(refusal) => refusal.into(),
+            Unfit::Nobody(name) => Self::not_found("person", &name),
+            Unfit::State(sentence) => Self::conflict(sentence),
+        }
+    }
+}
+
+impl From<ImportError> for Problem {
+    fn from(error: ImportError) -> Self {
+        match error {
+            ImportError::Refused(sentence) => {
+                let refusal = Refusal {
+                    field: Some("archive".into()),
+                    ..Refusal::sentence(format!("nothing was taken: {sentence}"))
+                };
+                refusal.into()
+            }
+            ImportError::Conflict(sentence) => Self::conflict(sentence),
+            ImportError::Archive(error) => error.into(),
         }
     }
 }
@@ -172,6 +302,7 @@ impl From<EnqueueError> for Problem {
     fn from(error: EnqueueError) -> Self {
         match error {
             EnqueueError::Database(error) => error.into(),
+            error @ EnqueueError::Quota { .. } => Self::forbidden(error.to_string()),
             error => Self::inner(&error),
         }
     }

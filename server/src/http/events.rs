@@ -80,6 +80,7 @@ struct Stream {
     service: Service,
     changes: watch::Receiver<u64>,
     ends: watch::Receiver<u64>,
+    people: watch::Receiver<u64>,
     told: Option<Instant>,
     id: String,
     last_seen: Option<String>,
@@ -105,12 +106,14 @@ pub async fn events(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (changes, ends) = (service.store.changes(), service.store.ends());
+    let people = service.people_changed.subscribe();
     let now = progress(&service, &id).await?.ok_or_else(|| Problem::not_found("sweep", &id))?;
     let last_seen = headers.get("last-event-id").and_then(|v| v.to_str().ok()).map(str::to_owned);
     if now.is_last() && last_seen.as_deref() == Some(&now.event_id()) {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let begin = Stream { service, changes, ends, told: None, id, last_seen, is_over: false };
+    let begin =
+        Stream { service, changes, ends, people, told: None, id, last_seen, is_over: false };
     let events = stream::unfold(begin, |stream| async move { stream.next().await });
     Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
 }
@@ -120,7 +123,9 @@ impl Stream {
     async fn next(mut self) -> Option<(Result<Event, Infallible>, Self)> {
         let stop = self.service.stop.clone();
         loop {
-            if self.is_over || stop.is_cancelled() {
+            // Who may what has changed: whoever may still look comes back.
+            let is_anew = self.people.has_changed().unwrap_or(true);
+            if self.is_over || stop.is_cancelled() || is_anew {
                 return None;
             }
             if let Some(told) = self.told.take() {
@@ -151,6 +156,8 @@ impl Stream {
             tokio::select! {
                 () = stop.cancelled() => {}
                 _ = self.changes.changed() => {}
+                // Seen again above.
+                _ = self.people.changed() => self.people.mark_changed(),
                 () = tokio::time::sleep(AT_LEAST_EVERY) => {
                     // What is the same but for the pace is told again now and then.
                     if told.state == SweepState::Running {

@@ -6,7 +6,7 @@ use super::extract::{Asked, NothingAsked, Place};
 use super::sweeps::page_limit;
 use crate::archive::catalogue::{self, Order, RunRow, Total};
 use crate::archive::read;
-use crate::domain::filter::Filter;
+use crate::domain::filter::{ColumnKind, Filter};
 use crate::domain::outcome::Outcome;
 use crate::domain::refusal::Refusal;
 use crate::queue;
@@ -58,44 +58,55 @@ pub async fn of_sweep(
     Asked(asked): Asked<Listing>,
 ) -> Result<Json<RunPage>, Problem> {
     let sort = asked.sort.as_deref().unwrap_or("run_index");
-    let (column, descending) = match sort.strip_prefix('-') {
-        Some(column) => (column, true),
-        None => (sort, false),
-    };
-    if !catalogue::is_column(column) {
-        return Err(
-            Refusal::value("sort", sort, "a column of the runs, with `-` for high to low").into()
-        );
-    }
+    let order = order(sort)?;
     let filter = asked.filter.as_deref().map(|text| Filter::parse(text, &catalogue::kind_of));
     let filter = filter.transpose()?;
     let limit = page_limit(asked.limit)?;
-    let after = asked.cursor.as_deref().map(cursor).transpose()?;
-    let mut tx = service.store.read().await?;
-    let sweep = queue::sweep_in_brief(&mut tx, &id).await?;
+    let after = asked.cursor.as_deref().map(|text| cursor(text, order.column)).transpose()?;
+    let mut pair = service.store.read_two().await?;
+    let sweep = queue::sweep_in_brief(&mut pair.one, &id).await?;
     let sweep = sweep.ok_or_else(|| Problem::not_found("sweep", &id))?;
     let listing = catalogue::Listing {
         sweep: sweep.number,
         axes: sweep.axes(),
         filter: filter.as_ref(),
-        order: Order { column, descending },
+        order,
         limit,
         after,
     };
     // Beside each other: either may have to look at every entry of an index.
-    let mut beside = service.store.read().await?;
-    let page = catalogue::runs(&mut tx, &listing);
-    let ((items, last), total) = tokio::try_join!(page, catalogue::count(&mut beside, &listing))?;
+    let page = catalogue::runs(&mut pair.one, &listing);
+    let ((items, last), total) =
+        tokio::try_join!(page, catalogue::count(&mut pair.other, &listing))?;
     let next = last.map(|(value, index)| json!([value, index]).to_string());
     Ok(Json(RunPage { items, next, total }))
 }
 
+/// Column and direction of `sort`.
+pub fn order(sort: &str) -> Result<Order<'_>, Refusal> {
+    let (column, descending) = match sort.strip_prefix('-') {
+        Some(column) => (column, true),
+        None => (sort, false),
+    };
+    if catalogue::is_column(column) {
+        return Ok(Order { column, descending });
+    }
+    Err(Refusal::value("sort", sort, "a column of the runs, with `-` for high to low"))
+}
+
 /// The value sorted by and the index of the run before the page.
-fn cursor(text: &str) -> Result<(Value, i64), Problem> {
+fn cursor(text: &str, column: &str) -> Result<(Value, i64), Problem> {
     let read: Option<(Value, i64)> = serde_json::from_str(text).ok();
-    let is_one = |value: &Value| value.is_null() || value.is_number() || value.is_string();
-    read.filter(|(value, _)| is_one(value))
+    read.filter(|(value, index)| is_of(value, column) && *index >= 0)
         .ok_or_else(|| Refusal::value("cursor", text, "the `next` of the page before").into())
+}
+
+/// Whether a value can be one of a column.
+pub fn is_of(value: &Value, column: &str) -> bool {
+    match catalogue::kind_of(column) {
+        Some(ColumnKind::Number) => value.is_number() || value.is_null(),
+        _ => value.is_string() || value.is_null(),
+    }
 }
 
 /// One run with its profile and, of a transient, its series and states.

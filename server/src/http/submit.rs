@@ -7,6 +7,7 @@ use super::extract::Asked;
 use crate::archive::{reuse, start, upload};
 use crate::domain::document::Document;
 use crate::domain::outcome::EffectiveParameters;
+use crate::domain::person::Actor;
 use crate::domain::refusal::Refusal;
 use crate::domain::sweep::SweepSpec;
 use crate::domain::table::TableForm;
@@ -85,26 +86,31 @@ struct Sent {
     responses(
         (status = 200, body = DryRun, description = "What a dry run tells"),
         (status = 202, body = Submitted),
-        (status = 400, body = Problem), (status = 413, body = Problem), (status = 422, body = Problem),
+        (status = 400, body = Problem), (status = 403, body = Problem), (status = 413, body = Problem), (status = 422, body = Problem),
         (status = 507, body = Problem, description = "The disk is full"),
     )
 )]
 pub async fn submit(
     State(service): State<Service>,
+    actor: Actor,
     Asked(asking): Asked<Asking>,
     request: Request,
 ) -> Result<Response, Problem> {
+    actor.may_submit()?;
     let key = key(request.headers())?.filter(|_| !asking.dry_run);
     let sent = receive(&service, request).await?;
     if let Some(key) = &key {
-        let known = queue::known_submission(&mut *service.store.read().await?, key).await?;
+        let known =
+            queue::known_submission(&mut *service.store.read().await?, &actor.name, key).await?;
         if let Some(known) = known {
             return repeated(known, key, &sent.digest);
         }
     }
     let digest = sent.digest.clone();
     let limits = service.limits;
-    let sweep = tokio::task::spawn_blocking(move || read(sent)?.into_sweep(&limits)).await??;
+    let sweep =
+        tokio::task::spawn_blocking(move || read(sent, limits.max_runs)?.into_sweep(&limits))
+            .await??;
     let sweep = Arc::new(sweep);
     start::check(&service.store, &sweep).await??;
     let found = if sweep.is_forced() { 0 } else { reuse::found(&service.store, &sweep).await? };
@@ -112,7 +118,8 @@ pub async fn submit(
         return Ok(Json(dry_run(&service, &sweep, found).await?).into_response());
     }
     let idempotency = key.clone().map(|key| (key, digest.clone()));
-    let submission = Submission { workers: service.workers, found, idempotency };
+    let owner = actor.name.clone();
+    let submission = Submission { workers: service.workers, found, idempotency, owner };
     let enqueued = queue::enqueue(&service.store, &sweep, submission).await?;
     if let Some(key) = &key
         && enqueued.digest.as_ref() != Some(&digest)
@@ -196,24 +203,28 @@ async fn receive(service: &Service, request: Request) -> Result<Sent, Problem> {
 }
 
 /// The document, with the table put in.
-fn read(sent: Sent) -> Result<Document, Refusal> {
+fn read(sent: Sent, most_runs: usize) -> Result<Document, Refusal> {
     let text = std::str::from_utf8(&sent.spec).map_err(|e| Refusal::sentence(e.to_string()))?;
     let document = Document::parse(text)?;
     match sent.table {
-        Some(bytes) => with_table(document, bytes),
+        Some(bytes) => with_table(document, bytes, most_runs),
         None => Ok(document),
     }
 }
 
 /// Puts a table of points, CSV or Parquet, into a document.
-pub fn with_table(mut document: Document, bytes: Bytes) -> Result<Document, Refusal> {
+pub fn with_table(
+    mut document: Document,
+    bytes: Bytes,
+    most_rows: usize,
+) -> Result<Document, Refusal> {
     /// How every Parquet file begins.
     const PARQUET: &[u8] = b"PAR1";
     if document.table.is_some() {
         return Err(Refusal::out_of_place("table", "the document has one and another was sent"));
     }
     let table = if bytes.starts_with(PARQUET) {
-        upload::from_parquet(bytes)?
+        upload::from_parquet(bytes, most_rows)?
     } else {
         TableForm::from_csv(&bytes)?
     };

@@ -6,13 +6,19 @@ use super::extract::{Asked, NothingAsked, Place};
 use crate::analysis::{self, Fit, Law, NoFit};
 use crate::archive::catalogue;
 use crate::domain::document::Document;
+use crate::domain::filter::{Comparison, Filter, Literal, Resolved};
+use crate::domain::found;
+use crate::domain::note;
 use crate::domain::refusal::Refusal;
+use crate::domain::seal::Seal;
 use crate::domain::status::{Counts, SweepState};
-use crate::queue::{self, SweepRow};
+use crate::queue::{self, Imported, SweepRow};
+use crate::store::Connection;
 use axum::Json;
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
+use std::time::{Duration, SystemTime};
 use utoipa::{IntoParams, ToSchema};
 
 /// A sweep and how far it is.
@@ -27,7 +33,21 @@ pub struct Sweep {
     /// Higher ones go first.
     priority: i64,
     tags: Vec<String>,
+    /// Its note in Markdown, as it was written; in lists its first 200 characters.
+    note: Option<String>,
+    /// Whether `note` leaves something out, as in lists.
+    note_is_cut: bool,
+    /// The note as harmless HTML; null where there is none, and in lists.
+    note_html: Option<String>,
     created_at: String,
+    /// Who submitted it; null for a sweep from before there were owners.
+    owner: Option<String>,
+    /// Since when it lies in the trash, RFC 3339 in UTC; null if it does not.
+    deleted_at: Option<String>,
+    /// What it is cited by; null if it is not sealed. A sealed sweep never changes again.
+    sealed: Option<Seal>,
+    /// Where it came from; null if it was submitted here.
+    imported: Option<Imported>,
     /// What was submitted.
     #[schema(value_type = Document)]
     spec: Box<RawValue>,
@@ -48,19 +68,43 @@ impl From<SweepRow> for Sweep {
             reused: row.reused,
             priority: row.priority,
             tags: row.tags,
+            note: row.note,
+            note_is_cut: row.note_is_cut,
+            note_html: None,
             created_at: row.created_at,
+            owner: row.owner,
+            deleted_at: row.trashed_ms.map(rfc3339),
+            sealed: row.seal,
+            imported: row.imported,
         }
+    }
+}
+
+fn rfc3339(ms: i64) -> String {
+    let since = Duration::from_millis(u64::try_from(ms).unwrap_or_default());
+    humantime::format_rfc3339_millis(SystemTime::UNIX_EPOCH + since).to_string()
+}
+
+impl Sweep {
+    /// A sweep that is told whole, with its note as HTML.
+    pub async fn whole(row: SweepRow) -> Result<Self, Problem> {
+        let mut sweep = Self::from(row);
+        if let Some(markdown) = sweep.note.clone() {
+            let html = tokio::task::spawn_blocking(move || note::html(&markdown)).await?;
+            sweep.note_html = Some(html);
+        }
+        Ok(sweep)
     }
 }
 
 /// A page of a list.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Page<T> {
-    items: Vec<T>,
+    pub items: Vec<T>,
     /// Cursor of the next page; null at the end.
-    next: Option<String>,
+    pub next: Option<String>,
     /// All items.
-    total: i64,
+    pub total: i64,
 }
 
 /// The limit of a page, checked.
@@ -102,14 +146,20 @@ impl<T> Page<T> {
 #[into_params(parameter_in = Query)]
 pub struct Listing {
     /// Items of the page, from 1 to 1000; 100 if not given.
-    limit: Option<i64>,
+    pub limit: Option<i64>,
     /// The `next` of the page before.
-    cursor: Option<String>,
+    pub cursor: Option<String>,
     /// Only sweeps with this tag.
-    tag: Option<String>,
+    pub tag: Option<String>,
+    /// Which sweeps, such as `owner = "ada" and failed > 0 and melt_rate_m_per_day = 0.7`.
+    pub filter: Option<String>,
+    /// Sweeps in the trash, in place of the others; they are not filtered.
+    #[serde(default)]
+    pub trash: bool,
 }
 
-/// List sweeps, the newest first.
+/// List sweeps, the newest first. A condition of the filter on a parameter holds for a sweep if the ranges of its
+/// runs' parameters leave it possible that one of its runs fulfils the filter.
 #[utoipa::path(
     get, path = "/sweeps", params(Listing),
     responses((status = 200, body = Page<Sweep>), (status = 400, body = Problem), (status = 422, body = Problem))
@@ -118,11 +168,42 @@ pub async fn list(
     State(service): State<Service>,
     Asked(listing): Asked<Listing>,
 ) -> Result<Json<Page<Sweep>>, Problem> {
+    Ok(Json(page(&mut *service.store.read().await?, &listing).await?))
+}
+
+/// A page of sweeps.
+pub async fn page(connection: &mut Connection, listing: &Listing) -> Result<Page<Sweep>, Problem> {
     let (limit, offset) = window(listing.limit, listing.cursor.as_deref())?;
-    let which = queue::Which { tag: listing.tag.as_deref(), limit, offset };
-    let (rows, total) = queue::sweeps(&mut *service.store.read().await?, which).await?;
-    let next = Some(offset + limit).filter(|next| *next < total).map(|n| n.to_string());
-    Ok(Json(Page::new(rows.into_iter().map(Sweep::from).collect(), next, total)))
+    let filter = listing.filter.as_deref();
+    let filter = filter.map(|text| Filter::parse(text, &found::kind_in_sweeps)).transpose()?;
+    let tagged = listing.tag.as_ref().map(|tag| Filter::Compare {
+        column: "tag".into(),
+        op: Comparison::Equal,
+        literal: Literal::Text(tag.clone()),
+    });
+    let (rows, total) = match filter.into_iter().chain(tagged).collect::<Vec<_>>() {
+        none if none.is_empty() => {
+            queue::sweeps(connection, queue::Which { is_trash: listing.trash, limit, offset })
+                .await?
+        }
+        _ if listing.trash => {
+            let permitted = "no filter and no tag where the trash is listed";
+            return Err(Refusal::value("trash", true, permitted).into());
+        }
+        all => {
+            let filter = Filter::And(all);
+            let mut facts = queue::facts(connection, Some(&filter), &[]).await?;
+            facts.retain(|facts| {
+                filter.resolve(&|column| facts.of_sweep(column)) != Resolved::Never
+            });
+            let numbers = facts.iter().map(|facts| facts.number);
+            let shown: Vec<i64> = numbers.skip(offset as usize).take(limit as usize).collect();
+            (queue::numbered(connection, &shown).await?, facts.len() as i64)
+        }
+    };
+    let next =
+        Some(offset.saturating_add(limit)).filter(|next| *next < total).map(|n| n.to_string());
+    Ok(Page::new(rows.into_iter().map(Sweep::from).collect(), next, total))
 }
 
 /// One sweep.
@@ -136,7 +217,8 @@ pub async fn one(
     _: NothingAsked,
 ) -> Result<Json<Sweep>, Problem> {
     let row = queue::sweep(&mut *service.store.read().await?, &id).await?;
-    row.map(|row| Json(row.into())).ok_or_else(|| Problem::not_found("sweep", &id))
+    let row = row.ok_or_else(|| Problem::not_found("sweep", &id))?;
+    Ok(Json(Sweep::whole(row).await?))
 }
 
 /// What is fitted.

@@ -1,34 +1,49 @@
 //! Bulk tables over REST: a sweep's runs, and what belongs to them, as one file.
 
 use super::Service;
+use super::download::{self, Conditions, Offer};
 use super::error::Problem;
 use super::extract::{NothingAsked, Place};
-use crate::archive::bulk::{Format, gather};
+use crate::archive::bulk::{self, Format};
 use crate::archive::catalogue;
+use crate::archive::gathered::Gathered;
+use crate::archive::netcdf::{self, About};
 use crate::archive::schema::Kind;
-use crate::queue;
-use axum::body::Body;
+use crate::queue::{self, SweepRow};
+use crate::store::Connection;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
-use tokio_util::io::ReaderStream;
+use axum::http::{HeaderMap, Method};
+use axum::response::Response;
+use tokio::sync::Semaphore;
 
 /// Media type of Parquet.
 pub const PARQUET_TYPE: &str = "application/vnd.apache.parquet";
+/// Media type of NetCDF.
+pub const NETCDF_TYPE: &str = "application/netcdf";
 
 macro_rules! table {
     ($(#[doc = $what:literal])* $name:ident: $path:literal, $content_type:literal, $kind:ident, $format:ident) => {
         $(#[doc = $what])*
         #[utoipa::path(
-            get, path = $path, params(("id" = String, Path,)),
-            responses((status = 200, content_type = $content_type), (status = 400, body = Problem), (status = 404, body = Problem))
+            get, path = $path, params(("id" = String, Path,), Conditions),
+            responses(
+                (status = 200, description = "The file, with `ETag` and `Accept-Ranges`", content_type = $content_type),
+                (status = 206, description = "The range asked for", content_type = $content_type),
+                (status = 304, description = "The client has it"),
+                (status = 400, body = Problem), (status = 404, body = Problem),
+                (status = 409, body = Problem, description = "The table keeps changing while it is read"),
+                (status = 412, body = Problem, description = "It is another file than that of `If-Match`"),
+                (status = 416, body = Problem, description = "The range has none of its bytes"),
+            )
         )]
         pub async fn $name(
             State(service): State<Service>,
             Place(id): Place<String>,
+            method: Method,
+            headers: HeaderMap,
             _: NothingAsked,
         ) -> Result<Response, Problem> {
-            bulk(&service, &id, Kind::$kind, Format::$format).await
+            download(&service, &id, What::Table(Kind::$kind, Format::$format), &method, &headers).await
         }
     };
 }
@@ -82,37 +97,161 @@ table! {
     roots_csv: "/sweeps/{id}/roots.csv", "text/csv", Roots, Csv
 }
 
-async fn bulk(
+/// The runs of a sweep with their profiles and series as one NetCDF-4 dataset with CF metadata, for xarray and others: run,
+/// x, χ and time are coordinates. At most 16,777,216 numbers; Parquet has no such bound.
+#[utoipa::path(
+    get, path = "/sweeps/{id}/ensemble.nc", params(("id" = String, Path,), Conditions),
+    responses(
+        (status = 200, description = "The file, with `ETag` and `Accept-Ranges`", content_type = "application/netcdf"),
+        (status = 206, description = "The range asked for", content_type = "application/netcdf"),
+        (status = 304, description = "The client has it"),
+        (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 409, body = Problem, description = "No run has ended yet, or the tables keep changing while they are read"),
+        (status = 412, body = Problem, description = "It is another file than that of `If-Match`"),
+        (status = 416, body = Problem, description = "The range has none of its bytes"),
+        (status = 422, body = Problem, description = "The sweep is too large for one such file"),
+    )
+)]
+pub async fn ensemble(
+    State(service): State<Service>,
+    Place(id): Place<String>,
+    method: Method,
+    headers: HeaderMap,
+    _: NothingAsked,
+) -> Result<Response, Problem> {
+    download(&service, &id, What::Ensemble, &method, &headers).await
+}
+
+/// What is downloaded of a sweep.
+#[derive(Debug, Clone, Copy)]
+enum What {
+    Table(Kind, Format),
+    Ensemble,
+}
+
+impl What {
+    fn kinds(self) -> Vec<Kind> {
+        match self {
+            Self::Table(kind, _) => vec![kind],
+            Self::Ensemble => netcdf::KINDS.to_vec(),
+        }
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::Table(kind, Format::Parquet) => format!("{}.parquet", kind.name()),
+            Self::Table(kind, Format::Csv) => format!("{}.csv", kind.name()),
+            Self::Ensemble => "ensemble.nc".to_owned(),
+        }
+    }
+
+    fn content_type(self) -> &'static str {
+        match self {
+            Self::Table(_, Format::Parquet) => PARQUET_TYPE,
+            Self::Table(_, Format::Csv) => "text/csv; charset=utf-8",
+            Self::Ensemble => NETCDF_TYPE,
+        }
+    }
+}
+
+/// Why a file was not made.
+enum Unmade {
+    /// The sweep's tables are others by now.
+    Moved,
+    /// It cannot be.
+    Told(Problem),
+}
+
+impl From<Problem> for Unmade {
+    fn from(problem: Problem) -> Self {
+        Self::Told(problem)
+    }
+}
+
+async fn download(
     service: &Service,
     id: &str,
-    kind: Kind,
-    format: Format,
+    what: What,
+    method: &Method,
+    headers: &HeaderMap,
 ) -> Result<Response, Problem> {
+    /// Looks at a sweep whose tables change before a file is made of them.
+    const LOOKS: usize = 20;
+    for _ in 0..LOOKS {
+        // Whoever waits for a file that another request makes holds no connection.
+        let mut tx = service.store.read().await?;
+        let (_, mark) = look(&mut tx, id, what).await?;
+        drop(tx);
+        let offer = Offer {
+            mark,
+            content_type: what.content_type(),
+            name: format!("{id}-{}", what.name()),
+        };
+        let made = async {
+            let made = make(service, id, what, &offer.mark).await.map_err(Unmade::Told)?;
+            made.ok_or(Unmade::Moved)
+        };
+        let file = service.shelf.get(&offer.mark, made);
+        match download::answer(method, headers, &offer, file).await {
+            Ok(response) => return Ok(response),
+            Err(Unmade::Told(problem)) => return Err(problem),
+            Err(Unmade::Moved) => {}
+        }
+    }
+    Err(Problem::conflict("the sweep's tables keep changing: ask again when it is complete"))
+}
+
+/// The sweep, and what stands for the bytes of its file.
+async fn look(tx: &mut Connection, id: &str, what: What) -> Result<(SweepRow, String), Problem> {
+    let sweep = queue::sweep_in_brief(tx, id).await?;
+    let sweep = sweep.ok_or_else(|| Problem::not_found("sweep", id))?;
+    let mut marks = Vec::new();
+    for kind in what.kinds() {
+        marks.push(catalogue::mark(tx, sweep.number, kind).await?);
+    }
+    if let What::Ensemble = what {
+        // The dataset tells them.
+        for text in [&sweep.name, &sweep.created_at] {
+            marks.push(blake3::hash(text.as_bytes()));
+        }
+    }
+    Ok((sweep, bulk::mark(id, &what.name(), &marks)))
+}
+
+/// Makes the file of a mark; none if the sweep has another one by now.
+async fn make(
+    service: &Service,
+    id: &str,
+    what: What,
+    mark: &str,
+) -> Result<Option<Gathered>, Problem> {
+    /// Made one at a time: the writer has the whole dataset in memory.
+    static ENSEMBLES: Semaphore = Semaphore::const_new(1);
+    let _one = match what {
+        What::Ensemble => ENSEMBLES.acquire().await.ok(),
+        What::Table(..) => None,
+    };
     let in_use = service.store.files_in_use().await;
     let mut tx = service.store.read().await?;
-    let sweep = queue::sweep_in_brief(&mut tx, id).await?;
-    let sweep = sweep.ok_or_else(|| Problem::not_found("sweep", id))?;
-    let layout = catalogue::layout(&mut tx, sweep.number, kind).await?;
+    let (sweep, now) = look(&mut tx, id, what).await?;
+    if now != mark {
+        return Ok(None);
+    }
+    let mut layouts = Vec::new();
+    for kind in what.kinds() {
+        layouts.push((kind, catalogue::layout(&mut tx, sweep.number, kind).await?));
+    }
     drop(tx);
     let archive = service.store.archive();
-    let (file, length) = tokio::task::spawn_blocking(move || {
+    let about = About { sweep_id: sweep.id, name: sweep.name, submitted_at: sweep.created_at };
+    let made = tokio::task::spawn_blocking(move || {
         let _in_use = in_use;
-        gather(&archive, &layout, kind, format)
-    })
-    .await??;
-    let (content_type, ending) = match format {
-        Format::Parquet => (PARQUET_TYPE, "parquet"),
-        Format::Csv => ("text/csv; charset=utf-8", "csv"),
-    };
-    /// Bytes read at once: each reading is a turn of another thread.
-    const AT_ONCE: usize = 1 << 18;
-    let file = tokio::fs::File::from_std(file);
-    let body = Body::from_stream(ReaderStream::with_capacity(file, AT_ONCE));
-    let disposition = format!("attachment; filename=\"{id}-{}.{ending}\"", kind.name());
-    let headers = [
-        (header::CONTENT_TYPE, content_type.to_owned()),
-        (header::CONTENT_DISPOSITION, disposition),
-        (header::CONTENT_LENGTH, length.to_string()),
-    ];
-    Ok((headers, body).into_response())
+        match (what, layouts.as_slice()) {
+            (What::Table(kind, format), [(_, layout)]) => {
+                bulk::gather(&archive, layout, kind, format)
+            }
+            _ => netcdf::gather(&archive, &layouts, &about),
+        }
+    });
+    Ok(Some(Gathered::new(made.await??)))
 }

@@ -151,14 +151,15 @@ pub async fn measured(
     Ok(())
 }
 
-/// Gives a chunk back that was not stored; a lost lease is nothing to give back.
-pub async fn give_back(store: &Store, lease: &Lease) -> sqlx::Result<()> {
+/// Gives a chunk back that was not stored; whether it was held, since a lost lease is nothing to give back.
+pub async fn give_back(store: &Store, lease: &Lease) -> sqlx::Result<bool> {
     let mut tx = store.write().await?;
-    if holds(&mut tx, lease).await? {
+    let is_held = holds(&mut tx, lease).await?;
+    if is_held {
         take_back(&mut tx, lease.sweep, lease.chunk, lease.run_count as i64).await?;
         tx.commit().await?;
     }
-    Ok(())
+    Ok(is_held)
 }
 
 /// Queues a leased chunk again, or cancels it if its sweep is stopping.

@@ -3,15 +3,28 @@
 //!
 //! Counts are kept by state and change by moving runs from one state to another, so that they add up.
 
+mod admit;
+mod edit;
+mod find;
 mod lease;
 mod look;
+mod seal;
 mod submit;
+mod trash;
 mod verbs;
 
+pub use admit::{Admission, admit, is_id_free};
+pub use edit::edit;
+pub use find::facts;
 pub use lease::{Lease, LeaseLost, finish, give_back, holds, lease, measured, reclaim, take};
-pub use look::{SweepRow, Which, health, pace, seconds_per_unit, sweep, sweep_in_brief, sweeps};
-pub use submit::{EnqueueError, Enqueued, Submission, enqueue, known_submission};
-pub use verbs::{VerbError, delete, deleted, forget, requeue, verb};
+pub use look::{
+    Imported, SweepRow, Which, depth, document, health, numbered, pace, seconds_per_unit, sweep,
+    sweep_in_brief, sweeps,
+};
+pub use seal::refuse_if_sealed;
+pub use submit::{EnqueueError, Enqueued, Submission, check_quota, enqueue, known_submission};
+pub use trash::{Trashed, delete, empty, is_due, recover, trash, trashed};
+pub use verbs::{VerbError, deleted, forget, requeue, verb};
 
 use crate::domain::status::{Pending, Phase, Status};
 use crate::store::Connection;

@@ -4,6 +4,7 @@ use super::add_runs;
 use super::look::seconds_per_unit;
 use crate::domain::status::{Pending, Phase};
 use crate::domain::sweep::SweepSpec;
+use crate::people;
 use crate::store::{Connection, Store};
 use sqlx::{QueryBuilder, Row, Sqlite};
 use std::sync::Arc;
@@ -18,6 +19,8 @@ pub struct Submission {
     pub found: usize,
     /// The client's key and the hash of what it sent with it.
     pub idempotency: Option<(String, String)>,
+    /// Who submits it.
+    pub owner: String,
 }
 
 /// A sweep that was taken.
@@ -39,6 +42,18 @@ pub enum EnqueueError {
     /// The database refused.
     #[error("the queue cannot be written: {0}")]
     Database(#[from] sqlx::Error),
+    /// Its owner may not have so many runs.
+    #[error("{owner} may have {most} runs{what}, and it would be {would}")]
+    Quota {
+        /// Who.
+        owner: String,
+        /// At most so many.
+        most: i64,
+        /// Which ones: all, or those waiting or under way.
+        what: &'static str,
+        /// So many it would be.
+        would: i64,
+    },
     /// Cutting the sweep into chunks broke off.
     #[error("cutting the sweep into chunks broke off: {0}")]
     Broken(#[from] tokio::task::JoinError),
@@ -57,7 +72,7 @@ pub async fn enqueue(
     sweep: &Arc<SweepSpec>,
     submission: Submission,
 ) -> Result<Enqueued, EnqueueError> {
-    let Submission { workers, found, idempotency } = submission;
+    let Submission { workers, found, idempotency, owner } = submission;
     let total = sweep.count();
     let created_at = humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string();
     let seconds_per_unit = seconds_per_unit(&mut *store.read().await?, &sweep.run(0)).await?;
@@ -69,21 +84,22 @@ pub async fn enqueue(
         (cut.stretches(CHUNK_SECONDS / seconds_per_unit, most), document, summary)
     })
     .await?;
-    let (key, digest) = idempotency.unzip();
+    let (key, digest) = idempotency.map(|(key, digest)| (own_key(&owner, &key), digest)).unzip();
     let mut tx = store.write().await?;
     if let Some(key) = &key
-        && let Some(known) = known_submission(&mut tx, key).await?
+        && let Some(known) = known_by(&mut tx, key).await?
     {
         return Ok(known);
     }
+    check_quota(&mut tx, &owner, total as i64).await?;
     let number: i64 = sqlx::query_scalar("SELECT COALESCE(MAX(sweep), 0) + 1 FROM sweeps")
         .fetch_one(&mut *tx)
         .await?;
     let id = Uuid::now_v7().simple().to_string();
     sqlx::query(
         "INSERT INTO sweeps (sweep, id, name, axis_names, priority, is_forced, phase, total, reused, \
-         found, turn, is_compact, idempotency_key, submission_digest, created_at) \
-         SELECT $1, $2, $3, $4, $5, $6, $7, $8, 0, $9, COALESCE(MAX(turn), 0), 1, $10, $11, $12 FROM sweeps",
+         found, turn, is_compact, idempotency_key, submission_digest, created_at, owner, regime) \
+         SELECT $1, $2, $3, $4, $5, $6, $7, $8, 0, $9, COALESCE(MAX(turn), 0), 1, $10, $11, $12, $13, $14 FROM sweeps",
     )
     .bind(number)
     .bind(&id)
@@ -97,21 +113,11 @@ pub async fn enqueue(
     .bind(&key)
     .bind(&digest)
     .bind(created_at)
+    .bind(&owner)
+    .bind(sweep.regime().name())
     .execute(&mut *tx)
     .await?;
-    sqlx::query("INSERT INTO documents (sweep, document, summary) VALUES ($1, $2, $3)")
-        .bind(number)
-        .bind(document)
-        .bind(summary)
-        .execute(&mut *tx)
-        .await?;
-    for tag in sweep.tags() {
-        sqlx::query("INSERT INTO tags (sweep, tag) VALUES ($1, $2)")
-            .bind(number)
-            .bind(tag)
-            .execute(&mut *tx)
-            .await?;
-    }
+    describe(&mut tx, number, sweep, document, summary, sweep.tags()).await?;
     /// Chunks per statement.
     const BATCH: usize = 5_000;
     for (batch, stretches) in stretches.chunks(BATCH).enumerate() {
@@ -129,15 +135,92 @@ pub async fn enqueue(
         insert.build().execute(&mut *tx).await?;
     }
     add_runs(&mut tx, number, Pending::Queued.name(), total as i64).await?;
+    people::audit(&mut tx, &owner, "submit", &id, Some(sweep.name())).await?;
     tx.commit().await?;
     Ok(Enqueued { id, count: total, found, digest })
 }
 
-/// The sweep that came with an idempotency key.
+/// Writes down what was submitted, the ranges of its parameters, and its tags.
+pub(super) async fn describe(
+    connection: &mut Connection,
+    number: i64,
+    sweep: &SweepSpec,
+    document: String,
+    summary: Option<String>,
+    tags: &[String],
+) -> sqlx::Result<()> {
+    for (parameter, low, high) in sweep.ranges() {
+        sqlx::query(
+            "INSERT INTO sweep_ranges (parameter, sweep, low, high) VALUES ($1, $2, $3, $4)",
+        )
+        .bind(parameter)
+        .bind(number)
+        .bind(low)
+        .bind(high)
+        .execute(&mut *connection)
+        .await?;
+    }
+    sqlx::query("INSERT INTO documents (sweep, document, summary) VALUES ($1, $2, $3)")
+        .bind(number)
+        .bind(document)
+        .bind(summary)
+        .execute(&mut *connection)
+        .await?;
+    for tag in tags {
+        sqlx::query("INSERT INTO tags (sweep, tag) VALUES ($1, $2)")
+            .bind(number)
+            .bind(tag)
+            .execute(&mut *connection)
+            .await?;
+    }
+    Ok(())
+}
+
+/// Refuses so many more runs where they are beyond what their owner may have, or where that is exceeded already. Sweeps in the trash do not count.
+pub async fn check_quota(
+    connection: &mut Connection,
+    owner: &str,
+    count: i64,
+) -> Result<(), EnqueueError> {
+    let quota = people::one(connection, owner).await?.map(|p| p.quota).unwrap_or_default();
+    if quota == people::Quota::default() {
+        return Ok(());
+    }
+    let row = sqlx::query(
+        "SELECT COALESCE(SUM(s.total), 0) AS runs, COALESCE(SUM((SELECT SUM(t.runs) FROM tallies t \
+             WHERE t.sweep = s.sweep AND t.status IN ('queued', 'running'))), 0) AS pending \
+         FROM sweeps s WHERE s.owner = $1 AND s.trashed_ms IS NULL AND s.phase <> 'deleted'",
+    )
+    .bind(owner)
+    .fetch_one(connection)
+    .await?;
+    for (most, has, what) in [
+        (quota.most_runs, row.get::<i64, _>("runs"), ""),
+        (quota.most_pending_runs, row.get("pending"), " waiting or under way"),
+    ] {
+        if let Some(most) = most.filter(|most| has + count > *most) {
+            let would = has + count;
+            return Err(EnqueueError::Quota { owner: owner.into(), most, what, would });
+        }
+    }
+    Ok(())
+}
+
+/// The sweep that came from a person with an idempotency key.
 pub async fn known_submission(
     connection: &mut Connection,
+    owner: &str,
     key: &str,
 ) -> sqlx::Result<Option<Enqueued>> {
+    known_by(connection, &own_key(owner, key)).await
+}
+
+/// A key as it is stored: everybody has keys of their own. No name has a line's end in it.
+fn own_key(owner: &str, key: &str) -> String {
+    format!("{owner}\n{key}")
+}
+
+async fn known_by(connection: &mut Connection, key: &str) -> sqlx::Result<Option<Enqueued>> {
     let row = sqlx::query(
         "SELECT id, total, found, submission_digest FROM sweeps WHERE idempotency_key = $1",
     )

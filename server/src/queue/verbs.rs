@@ -1,4 +1,4 @@
-//! What a user asks of a sweep: pause, resume, stop, cancel, retry, delete.
+//! What a user asks of a sweep: pause, resume, stop, cancel, retry; and what is left of deleted ones.
 
 use super::{move_runs, set_phase, settle};
 use crate::domain::status::{Pending, Phase, Verb};
@@ -18,7 +18,7 @@ pub enum VerbError {
 }
 
 /// Does what a verb says. To do a verb's state again changes nothing; `retry` is for whoever knows the
-/// failed runs, see [`requeue`].
+/// failed runs, see [`requeue`], and `recover` for the trash.
 pub async fn verb(
     connection: &mut Connection,
     sweep: i64,
@@ -28,7 +28,7 @@ pub async fn verb(
     let refused = |why: &str| Err(VerbError::State(format!("this sweep {why}")));
     match (verb, phase) {
         (_, Phase::Deleted) => refused("is deleted"),
-        (Verb::Retry, _) => Ok(()),
+        (Verb::Retry | Verb::Recover, _) => Ok(()),
         (Verb::Pause, Phase::Open) => Ok(set_phase(connection, sweep, Phase::Paused).await?),
         (Verb::Pause, Phase::Paused) | (Verb::Resume, Phase::Open) => Ok(()),
         (Verb::Pause, Phase::Stopping) => refused("is stopping, and will start no more chunks"),
@@ -55,7 +55,7 @@ pub async fn verb(
 }
 
 /// Moves all of a sweep's chunks of one state to another, and their runs with them.
-async fn move_chunks(
+pub(super) async fn move_chunks(
     connection: &mut Connection,
     sweep: i64,
     from: &str,
@@ -120,18 +120,6 @@ pub async fn requeue(
     Ok(())
 }
 
-/// Cancels a sweep and hides it; what it holds is cleared away afterwards. Its id and its idempotency key
-/// are free at once.
-pub async fn delete(connection: &mut Connection, sweep: i64) -> sqlx::Result<()> {
-    move_chunks(connection, sweep, "queued", Pending::Cancelled).await?;
-    move_chunks(connection, sweep, "leased", Pending::Cancelled).await?;
-    sqlx::query("UPDATE sweeps SET phase = 'deleted', idempotency_key = NULL WHERE sweep = $1")
-        .bind(sweep)
-        .execute(connection)
-        .await?;
-    Ok(())
-}
-
 /// Number and id of a sweep that waits to be cleared away.
 pub async fn deleted(connection: &mut Connection) -> sqlx::Result<Vec<(i64, String)>> {
     let rows = sqlx::query("SELECT sweep, id FROM sweeps WHERE phase = 'deleted' ORDER BY sweep")
@@ -145,7 +133,9 @@ pub async fn forget(connection: &mut Connection, sweep: i64) -> sqlx::Result<()>
     for sql in [
         "DELETE FROM tallies WHERE sweep = $1",
         "DELETE FROM tags WHERE sweep = $1",
+        "DELETE FROM sweep_ranges WHERE sweep = $1",
         "DELETE FROM documents WHERE sweep = $1",
+        "DELETE FROM imports WHERE sweep = $1",
         "DELETE FROM chunks WHERE sweep = $1",
         "DELETE FROM sweeps WHERE sweep = $1 AND phase = 'deleted'",
     ] {

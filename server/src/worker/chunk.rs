@@ -6,7 +6,7 @@ use super::solve::StoredStart;
 use super::walk::{Solved, Task, Way, walk};
 use crate::archive::{ArchiveError, catalogue, files};
 use crate::domain::sweep::SweepSpec;
-use crate::queue::{self, Lease};
+use crate::queue::Lease;
 use anyhow::Context;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -31,7 +31,7 @@ impl Workers {
         let claim = tokio::select! {
             claim = self.claims.claim(work.iter().map(|(_, id)| id.clone()).collect()) => claim,
             () = stop.cancelled() => {
-                queue::give_back(&self.store, lease).await?;
+                self.try_give_back(lease).await?;
                 return Ok(None);
             }
         };
@@ -62,7 +62,7 @@ impl Workers {
         match done {
             Some(done) => self.keep(lease, &sweep, done?, claim, stop).await,
             None => {
-                queue::give_back(&self.store, lease).await?;
+                self.try_give_back(lease).await?;
                 Ok(None)
             }
         }

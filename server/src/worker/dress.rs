@@ -140,6 +140,7 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
         sensitivities: ended.sensitivities,
         discrete_roots: ended.discrete_roots,
         transects,
+        provenance: None,
     }
 }
 

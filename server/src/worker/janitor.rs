@@ -10,19 +10,21 @@ use tokio_util::sync::CancellationToken;
 
 /// Pause after a change, so that a sweep's end is answered before its files are put together.
 const AFTER_A_CHANGE: Duration = Duration::from_millis(500);
+/// Longest that nobody looks into the trash.
+const LONGEST_SLEEP: Duration = Duration::from_secs(600);
 /// Pause after trouble.
 const AFTER_TROUBLE: Duration = Duration::from_secs(10);
 /// Runs removed in one transaction: others write in between.
 const RUNS_AT_ONCE: i64 = 5_000;
 
-/// Works until told to stop.
-pub async fn work(store: &Store, stop: &CancellationToken) {
+/// Works until told to stop; deleted sweeps are kept for a time.
+pub async fn work(store: &Store, kept: Duration, stop: &CancellationToken) {
     let mut changes = store.changes();
     // Sweeps whose files cannot be put together, since one is damaged; tried again at the next start.
     let mut given_up = HashSet::new();
     while !stop.is_cancelled() {
         changes.mark_unchanged();
-        let pause = match tidy(store, stop, &mut given_up).await {
+        let pause = match tidy(store, kept, stop, &mut given_up).await {
             Ok(()) => AFTER_A_CHANGE,
             Err(error) => {
                 tracing::error!("cannot clear up: {error:#}");
@@ -31,7 +33,8 @@ pub async fn work(store: &Store, stop: &CancellationToken) {
         };
         let changed = async {
             if pause == AFTER_A_CHANGE {
-                changes.changed().await.ok();
+                // What lies in the trash comes of age without a change.
+                tokio::time::timeout(LONGEST_SLEEP, changes.changed()).await.ok();
             }
             tokio::time::sleep(pause).await;
         };
@@ -44,9 +47,16 @@ pub async fn work(store: &Store, stop: &CancellationToken) {
 
 async fn tidy(
     store: &Store,
+    kept: Duration,
     stop: &CancellationToken,
     given_up: &mut HashSet<i64>,
 ) -> anyhow::Result<()> {
+    if queue::is_due(&mut *store.read().await?, kept).await? {
+        let mut tx = store.write().await?;
+        let sweeps = queue::empty(&mut tx, kept).await?;
+        tx.commit().await?;
+        tracing::info!(sweeps, "the trash was emptied of what lay there long enough");
+    }
     let deleted = queue::deleted(&mut *store.read().await?).await?;
     for (sweep, id) in deleted {
         let mut tx = store.read().await?;

@@ -6,10 +6,12 @@ use super::claims::Claim;
 use super::{AFTER_TROUBLE, Workers};
 use crate::archive::files::Encoded;
 use crate::archive::{SolvedRun, catalogue, files};
+use crate::domain::status::Status;
 use crate::domain::sweep::SweepSpec;
 use crate::faults::Step;
 use crate::queue::{self, Lease, LeaseLost};
 use crate::store::Connection;
+use crate::telemetry::TELEMETRY;
 use std::sync::Arc;
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -50,6 +52,7 @@ impl Workers {
             if is_vain || stop.is_cancelled() {
                 return Err(error);
             }
+            TELEMETRY.chunk_store_failures.inc();
             tracing::error!(
                 sweep = lease.sweep_id,
                 chunk = lease.chunk,
@@ -83,15 +86,18 @@ impl Workers {
             })
             .await??
         };
-        let write_ms = begin.elapsed().as_millis();
+        let write = begin.elapsed();
         let mut next = None;
         let stored = self.commit(lease, sweep, &written, done, stop, &mut next).await;
+        let commit = begin.elapsed() - write;
+        TELEMETRY.chunk_write_seconds.observe(write.as_secs_f64());
+        TELEMETRY.chunk_commit_seconds.observe(commit.as_secs_f64());
         tracing::debug!(
             sweep = lease.sweep_id,
             chunk = lease.chunk,
             runs = lease.run_count,
-            write_ms,
-            commit_ms = begin.elapsed().as_millis() - write_ms,
+            write_ms = write.as_millis(),
+            commit_ms = commit.as_millis(),
             "chunk"
         );
         let Err((error, is_certain)) = stored else { return Ok(next) };
@@ -118,7 +124,7 @@ impl Workers {
     ) -> Result<(), (anyhow::Error, bool)> {
         let nothing = |error: anyhow::Error| (error, true);
         let mut tx = self.store.write().await.map_err(|e| nothing(e.into()))?;
-        let has_ended = self.add(&mut tx, lease, sweep, written, done).await.map_err(nothing)?;
+        let added = self.add(&mut tx, lease, sweep, written, done).await.map_err(nothing)?;
         if !stop.is_cancelled() {
             *next = queue::take(&mut tx).await.map_err(|e| nothing(e.into()))?;
         }
@@ -126,13 +132,15 @@ impl Workers {
         // A commit that fails may have happened.
         tx.commit().await.map_err(|e| (e.into(), false))?;
         self.faults.pass(Step::AfterCommit);
-        if has_ended {
+        added.count();
+        TELEMETRY.chunks_leased.inc_by(u64::from(next.is_some()));
+        if added.has_ended {
             self.store.tell_end();
         }
         Ok(())
     }
 
-    /// Adds what a chunk came to; whether its sweep has ended with it.
+    /// Adds what a chunk came to.
     async fn add(
         &self,
         tx: &mut Connection,
@@ -140,10 +148,14 @@ impl Workers {
         sweep: &SweepSpec,
         written: &[files::Written],
         done: &Done,
-    ) -> anyhow::Result<bool> {
+    ) -> anyhow::Result<Added> {
         let Lease { sweep: number, chunk, .. } = *lease;
         let axes = sweep.varied();
         catalogue::insert(tx, number, chunk, &axes, written, &done.solved).await?;
+        // A chunk is solved by one process.
+        if let Some(by) = done.solved.first().and_then(|run| run.outcome.provenance.as_ref()) {
+            catalogue::insert_solved(tx, number, chunk, by).await?;
+        }
         let known: Vec<(usize, &str)> =
             done.known.iter().map(|(i, id)| (*i, id.as_str())).collect();
         let adopted = catalogue::adopt(tx, number, chunk, &axes, &known).await?;
@@ -151,13 +163,35 @@ impl Workers {
             return Err(Gone.into());
         }
         let statuses = done.solved.iter().map(|run| run.outcome.status);
-        let statuses = statuses.chain(adopted.iter().map(|run| run.status));
+        let statuses: Vec<Status> = statuses.chain(adopted.iter().map(|run| run.status)).collect();
         let reused = adopted.iter().filter(|run| !run.is_own).count();
-        let has_ended = queue::finish(tx, lease, statuses, reused).await??;
+        let has_ended = queue::finish(tx, lease, statuses.iter().copied(), reused).await??;
         if let Some(seconds_per_unit) = done.seconds_per_unit {
             let regime = sweep.run(lease.first_run).shared.regime.name();
             queue::measured(tx, regime, seconds_per_unit).await?;
         }
-        Ok(has_ended)
+        Ok(Added { statuses, reused, has_ended })
+    }
+}
+
+/// What a chunk has added to its sweep.
+struct Added {
+    /// How its runs ended.
+    statuses: Vec<Status>,
+    /// How many of them were taken over from other sweeps.
+    reused: usize,
+    /// Whether its sweep has ended with it.
+    has_ended: bool,
+}
+
+impl Added {
+    /// Counts it, once it is committed.
+    fn count(&self) {
+        TELEMETRY.chunks_finished.inc();
+        TELEMETRY.runs_reused.inc_by(self.reused as u64);
+        for status in Status::STORED {
+            let runs = self.statuses.iter().filter(|s| **s == status).count();
+            TELEMETRY.ended(status.name(), runs as u64);
+        }
     }
 }

@@ -5,19 +5,23 @@
 mod chunk;
 mod claims;
 mod dress;
+pub mod host;
 pub mod janitor;
 mod keep;
 mod record;
+pub mod rerun;
 pub mod solve;
 pub mod walk;
 
 use crate::archive::{catalogue, files, read};
 use crate::domain::document::Document;
+use crate::domain::outcome::Outcome;
 use crate::domain::start::Start;
 use crate::domain::sweep::{Limits, SweepSpec};
 use crate::faults::Faults;
 use crate::queue::{self, Lease};
 use crate::store::Store;
+use crate::telemetry::TELEMETRY;
 use anyhow::Context;
 use claims::Claims;
 use solve::StoredStart;
@@ -39,8 +43,11 @@ pub struct Workers {
     tasks: Arc<Tasks>,
     wake: Arc<Notify>,
     faults: Faults,
+    kept: Duration,
 }
 
+/// How long deleted sweeps lie in the trash if nobody says otherwise.
+pub const KEPT: Duration = Duration::from_secs(30 * 24 * 3600);
 /// Chunks under way per thread: while one is written, the next is solved.
 const CHUNKS_PER_THREAD: usize = 2;
 /// Pause before a worker that met trouble tries again.
@@ -74,6 +81,7 @@ impl Workers {
             let names = listed.iter().map(|file| file.path.clone()).collect();
             let orphans = files::orphans(&archive, &names)?;
             files::remove(&archive, orphans.iter().map(String::as_str));
+            files::remove_empty_folders(&archive)?;
             std::io::Result::Ok((orphans.len(), files::faults(&archive, &listed)))
         })
         .await?
@@ -90,7 +98,12 @@ impl Workers {
         }
         let (sweeps, claims) = Default::default();
         let tasks = Arc::new(Tasks::new(threads));
-        Ok(Self { store, pool: Arc::new(pool), sweeps, claims, tasks, wake, faults })
+        Ok(Self { store, pool: Arc::new(pool), sweeps, claims, tasks, wake, faults, kept: KEPT })
+    }
+
+    /// With another time for which deleted sweeps lie in the trash.
+    pub fn keeping(self, kept: Duration) -> Self {
+        Self { kept, ..self }
     }
 
     /// Number of threads that solve.
@@ -100,13 +113,14 @@ impl Workers {
 
     /// Works until told to stop, then finishes the chunks under way.
     pub async fn work(self, stop: CancellationToken) {
+        TELEMETRY.worker_threads.set(self.threads() as i64);
         let mut slots = JoinSet::new();
         for _ in 0..CHUNKS_PER_THREAD * self.threads() {
             let (workers, stop) = (self.clone(), stop.clone());
             slots.spawn(async move { workers.slot(&stop).await });
         }
-        let (store, stop) = (self.store.clone(), stop.clone());
-        slots.spawn(async move { janitor::work(&store, &stop).await });
+        let (store, kept, stop) = (self.store.clone(), self.kept, stop.clone());
+        slots.spawn(async move { janitor::work(&store, kept, &stop).await });
         slots.join_all().await;
     }
 
@@ -117,7 +131,9 @@ impl Workers {
         while !stop.is_cancelled() {
             let leased = match next.take() {
                 Some(lease) => Ok(Some(lease)),
-                None => queue::lease(&self.store).await,
+                None => queue::lease(&self.store).await.inspect(|leased| {
+                    TELEMETRY.chunks_leased.inc_by(u64::from(leased.is_some()));
+                }),
             };
             let since = std::mem::replace(&mut revocations, self.store.revocations());
             let pause = match leased {
@@ -149,9 +165,15 @@ impl Workers {
         }
     }
 
+    async fn try_give_back(&self, lease: &Lease) -> sqlx::Result<()> {
+        let is_returned = queue::give_back(&self.store, lease).await?;
+        TELEMETRY.chunks_returned.inc_by(u64::from(is_returned));
+        Ok(())
+    }
+
     /// Gives a chunk back, however often that has to be tried: in this process nobody else takes it up.
     async fn give_back(&self, lease: &Lease, stop: &CancellationToken) {
-        while let Err(error) = queue::give_back(&self.store, lease).await {
+        while let Err(error) = self.try_give_back(lease).await {
             tracing::error!(
                 sweep = lease.sweep_id,
                 chunk = lease.chunk,
@@ -234,15 +256,18 @@ impl Workers {
             return Ok(Err("the sweep names no run to start from".into()));
         };
         Ok(match read::stored(&self.store, id).await {
-            Ok(Some(outcome)) => {
-                let terminus_x_m = outcome.scalars.terminus_x_m.unwrap_or(0.0);
-                let state = outcome.profile.map(|profile| StoredStart { profile, terminus_x_m });
-                state.ok_or_else(|| "it has no state".into())
-            }
-            Ok(None) => Err("it is not in the archive".into()),
+            Ok(outcome) => stored_start(outcome),
             Err(error) if error.is_loss() => Err(error.to_string()),
             // The chunk is tried again.
             Err(error) => return Err(error.into()),
         })
     }
+}
+
+/// The last state of a stored run, to start from, or why there is none.
+fn stored_start(outcome: Option<Outcome>) -> Result<StoredStart, String> {
+    let Some(outcome) = outcome else { return Err("it is not in the archive".into()) };
+    let terminus_x_m = outcome.scalars.terminus_x_m.unwrap_or(0.0);
+    let state = outcome.profile.map(|profile| StoredStart { profile, terminus_x_m });
+    state.ok_or_else(|| "it has no state".into())
 }

@@ -4,11 +4,14 @@ mod attempts;
 mod calibrated;
 mod discrete_roots;
 mod following;
+mod repeated;
 mod sensitivities;
 
 use self::attempts::{
-    Attempts, FINER, FINER_STEPS, Found, another_may_help, by_way_of_a_wedge, continued, in_steps,
+    Attempts, FINER, FINER_STEPS, Found, Way, another_may_help, by_way_of_a_wedge, continued,
+    in_steps,
 };
+pub use self::repeated::{Began, Beginning};
 use super::dress::{Ended, outcome};
 use super::record::Recorder;
 use crate::domain::document::Regime;
@@ -41,6 +44,10 @@ pub struct Walker {
     found: Found,
     /// Whether the newest of `found` is a neighbour to start from; not after a failure.
     is_near: bool,
+    /// Solves so far, which number them.
+    solves: usize,
+    /// What the last one began from.
+    began: Began,
 }
 
 /// The last state of a stored run, to start from.
@@ -92,9 +99,11 @@ impl Walker {
         start: Result<&StoredStart, &str>,
         stop: &dyn Fn() -> bool,
     ) -> Option<Outcome> {
+        self.began = Began::Own;
         let solved = catch_unwind(AssertUnwindSafe(|| self.ended(run, start, stop)));
+        self.solves += 1;
         let ended = solved.unwrap_or_else(|_| {
-            *self = Self::default();
+            *self = Self { solves: self.solves, began: self.began, ..Self::default() };
             Some(Ended::verdict(Status::Failed, "the solver broke off: a defect to report".into()))
         });
         ended.map(|ended| outcome(run, ended))
@@ -182,14 +191,18 @@ impl Walker {
         run: &RunSpec,
         stop: &dyn Fn() -> bool,
     ) -> Result<(Solution, Attempts), Halt> {
-        let Self { solver, found, is_near } = self;
+        let Self { solver, found, is_near, solves, began } = self;
         let solver = solver.as_mut().expect("a run has turned the solver to its model");
         let was_near = std::mem::take(is_near);
         let mut attempts = Attempts::default();
-        let verdict = match solver.steady(found.newest().filter(|_| was_near)) {
+        let near = found.newest().filter(|_| was_near);
+        *began = near.map_or(Began::Own, |way| Began::Beside(way.solve));
+        let verdict = match solver.steady(near.map(|way| &way.trail)) {
             Ok(verdict) => verdict,
             Err(e) => {
-                let has_a_way = another_may_help(&e) && found.nearest(&run.model).is_some();
+                let nearest = found.nearest(&run.model).filter(|_| another_may_help(&e));
+                *began = nearest.map_or(*began, |way| Began::From(way.solve));
+                let has_a_way = nearest.is_some();
                 let way = if has_a_way { continued(solver, found, &run.model, stop) } else { None };
                 let how = "by continuation from a neighbour";
                 match way {
@@ -209,7 +222,7 @@ impl Walker {
         };
         match verdict {
             SteadyVerdict::Converged { solution, trail } => {
-                found.remember(run.model.clone(), trail);
+                found.remember(Way { model: run.model.clone(), trail, solve: *solves });
                 *is_near = true;
                 Ok((solution, attempts))
             }

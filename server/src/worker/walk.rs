@@ -1,8 +1,11 @@
 //! A way through the runs of a chunk, each near the one before; shared with threads that have nothing to do.
 
+use super::host;
 use super::solve::{StoredStart, Walker};
 use crate::archive::SolvedRun;
+use crate::domain::provenance::Provenance;
 use crate::domain::sweep::SweepSpec;
+use crate::telemetry::TELEMETRY;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -113,9 +116,11 @@ fn solve(walk: &Arc<Walk>, mut part: Range<usize>, tasks: &Arc<Tasks>) {
     let begin = Instant::now();
     let start = start.as_ref().map_err(String::as_str);
     let mut walker = Walker::default();
+    let options = sweep.options();
     let (mut first, mut ended) = (None, begin);
     let mut units = 0.0;
-    let mut runs = Vec::with_capacity(part.len());
+    let times = TELEMETRY.solve_times();
+    let mut runs: Vec<SolvedRun> = Vec::with_capacity(part.len());
     while let Some(next) = part.next() {
         if stop.is_cancelled() {
             return;
@@ -123,10 +128,20 @@ fn solve(walk: &Arc<Walk>, mut part: Range<usize>, tasks: &Arc<Tasks>) {
         let (run_index, run_id) = &way[next];
         let run = sweep.run(*run_index);
         units += run.work();
-        let Some(outcome) = walker.solve(&run, start, &|| stop.is_cancelled()) else { return };
-        runs.push(SolvedRun { run_index: *run_index, run_id: run_id.clone(), outcome });
+        let Some(mut outcome) = walker.solve(&run, start, &|| stop.is_cancelled()) else { return };
         let took = ended.elapsed();
         ended += took;
+        times.observe(took.as_secs_f64());
+        let (began, from) = walker.began().told();
+        // The walker has solved these runs and no others.
+        let started_from = from.map(|solve| runs[solve].run_id.clone());
+        outcome.provenance = Some(Provenance {
+            start: Some(began),
+            started_from,
+            seed: run.seed().or(sweep.seed()),
+            ..Provenance::here(host::class(), options.clone(), took.as_secs_f64())
+        });
+        runs.push(SolvedRun { run_index: *run_index, run_id: run_id.clone(), outcome });
         if is_worth_dividing(part.len(), *first.get_or_insert(took), took)
             && let Some(task) = tasks.begin_if_idle()
         {

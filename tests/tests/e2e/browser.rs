@@ -16,6 +16,13 @@ fn the_demo_shows_its_fit_in_a_browser() {
     let exponent = number(&server.json(&path)["exponent"]["estimate"]);
     assert!((-3.2..-3.1).contains(&exponent), "{exponent}");
 
+    // A note and a tag to be seen.
+    let note = "The melt sweep of **Fig. 4**, [here](https://example.org/).\n\n<script>alert(1)</script> \
+                <img src=x onerror=alert(1)> ![x](https://example.org/x.png)";
+    let edit = serde_json::json!({"tags": ["noted"], "note": note});
+    let edited = server.patch(&format!("/api/v1/sweeps/{id}"), &edit.to_string());
+    assert_eq!(edited.status, 200);
+
     let output = Command::new("node")
         .arg(root().join("web/e2e/dashboard.mjs"))
         .arg(&server.address)

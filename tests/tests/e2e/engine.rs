@@ -152,7 +152,8 @@ fn what_is_known_is_not_solved_again_unless_forced() {
     check_bulk();
 
     // Deleting the first keeps what the second uses.
-    assert_eq!(server.delete(&format!("/api/v1/sweeps/{first}")).status, 204);
+    let gone = server.delete(&format!("/api/v1/sweeps/{first}?for_good=true"));
+    assert_eq!(gone.status, 204);
     std::thread::sleep(std::time::Duration::from_millis(1500));
     check_bulk();
     let id = runs[0]["run_id"].as_str().expect("an id");

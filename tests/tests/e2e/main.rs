@@ -1,20 +1,32 @@
 //! End to end: what a user does with the binary, and what must not happen to their data.
 
 mod architecture;
+mod archives;
+mod believing;
 mod branches;
 mod browser;
 mod calibrations;
 mod command_line;
+mod contract;
 mod discrete_roots;
 mod engine;
 mod faults;
+mod finding;
+mod foreign;
+mod hostile;
+mod journey;
+mod operating;
+mod people;
+mod reading;
 mod reproduction;
 mod rest;
 mod scenarios;
+mod sealing;
 mod sensitivities;
 mod soak;
 mod storage;
 mod tables;
+mod travelling;
 mod verbs;
 
 use serde_json::{Value, json};

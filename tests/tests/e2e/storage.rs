@@ -101,7 +101,7 @@ fn a_full_disk_holds_a_sweep_up_until_it_is_cleared() {
     let log = logs.path().join("log");
     let data = disk.path().join("data");
     fs::write(disk.path().join("ballast"), vec![0; 32 << 20]).expect("a file");
-    let server = Server::start_logged(&data, &log);
+    let server = Server::start_logged(&data, &log, &[]);
     let id = server.submit(&json!({
         "name": "larger than the disk", "regime": "steady", "parameters": {"n_cells": 30},
         "axes": [
@@ -258,7 +258,7 @@ fn damaged_and_missing_files_are_told_and_their_runs_solved_again() {
 
 #[test]
 fn directories_of_older_versions_are_brought_up_to_date() {
-    for fixture in ["data-schema-2", "data-schema-3"] {
+    for fixture in ["data-schema-2", "data-schema-3", "data-schema-4"] {
         is_brought_up_to_date(fixture);
     }
 }

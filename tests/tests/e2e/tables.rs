@@ -4,6 +4,7 @@ use crate::{melt_sweep, number};
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use arrow_array::{Array, RecordBatch};
+use arrow_schema::SchemaRef;
 use bytes::Bytes;
 use melange_tests::{Server, folder};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -14,6 +15,12 @@ pub(crate) fn read(bytes: Vec<u8>) -> Vec<RecordBatch> {
         .expect("a Parquet file")
         .collect::<Result<_, _>>()
         .expect("readable to its end")
+}
+
+/// Schema of a Parquet file.
+pub(crate) fn schema(bytes: Vec<u8>) -> SchemaRef {
+    let builder = ParquetRecordBatchReaderBuilder::try_new(Bytes::from(bytes));
+    builder.expect("a Parquet file").schema().clone()
 }
 
 fn column(batches: &[RecordBatch], name: &str) -> Vec<f64> {
@@ -64,7 +71,8 @@ fn parquet_and_csv_carry_the_listed_numbers() {
     // The detail, which comes before the force, is quoted and holds one comma.
     let forces: Vec<f64> = lines
         .map(|line| {
-            let after_detail = line.rsplit('"').next().expect("the rest").trim_start_matches(',');
+            let after_detail =
+                line.splitn(3, '"').last().expect("the rest").trim_start_matches(',');
             after_detail.split(',').nth(force - 4).expect("the force").parse().expect("a number")
         })
         .collect();

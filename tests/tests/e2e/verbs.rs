@@ -77,9 +77,23 @@ fn a_sweep_is_paused_resumed_stopped_cancelled_and_deleted() {
     assert_eq!(server.ask(&id, "retry")["state"], "complete", "nothing has failed");
     assert_eq!(server.post(&format!("/api/v1/sweeps/{id}/explode"), "").status, 404);
 
+    // From the trash it comes back as it was; deleted for good it is cleared away.
     assert_eq!(server.delete(&format!("/api/v1/sweeps/{id}")).status, 204);
     assert_eq!(server.get(&format!("/api/v1/sweeps/{id}")).status, 404);
     assert_eq!(server.json("/api/v1/sweeps")["total"], 0);
+    let trash = server.json("/api/v1/sweeps?trash=true");
+    assert_eq!((&trash["total"], &trash["items"][0]["id"]), (&json!(1), &json!(id)));
+    assert!(trash["items"][0]["deleted_at"].is_string(), "{trash}");
+    assert_eq!(server.post(&format!("/api/v1/sweeps/{id}/pause"), "").status, 404);
+    let recovered = server.ask(&id, "recover");
+    assert_eq!((&recovered["state"], &recovered["deleted_at"]), (&json!("complete"), &json!(null)));
+    assert_eq!(recovered["counts"], complete["counts"]);
+    assert_eq!(server.post(&format!("/api/v1/sweeps/{id}/recover"), "").status, 404);
+    assert_eq!(server.delete(&format!("/api/v1/sweeps/{id}")).status, 204);
+    assert_eq!(server.delete(&format!("/api/v1/sweeps/{id}")).status, 404);
+    assert_eq!(server.delete(&format!("/api/v1/sweeps/{id}?for_good=true")).status, 204);
+    assert_eq!(server.json("/api/v1/sweeps?trash=true")["total"], 0);
+    assert_eq!(server.post(&format!("/api/v1/sweeps/{id}/recover"), "").status, 404);
     let begin = Instant::now();
     while folder.path().join("archive").join(&id).exists() {
         assert!(begin.elapsed() < Duration::from_secs(30), "its files are still there");

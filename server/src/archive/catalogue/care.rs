@@ -60,6 +60,13 @@ pub async fn all_files(connection: &mut Connection) -> sqlx::Result<Vec<Listed>>
     .await
 }
 
+/// How many files there are, and how many bytes they have.
+pub async fn size(connection: &mut Connection) -> sqlx::Result<(i64, i64)> {
+    sqlx::query_as("SELECT COUNT(*), COALESCE(SUM(byte_count), 0) FROM files")
+        .fetch_one(connection)
+        .await
+}
+
 /// Files of which no part is used any more leave the catalogue; their paths.
 pub async fn drop_unused_files(connection: &mut Connection) -> sqlx::Result<Vec<String>> {
     sqlx::query_scalar(
@@ -75,7 +82,8 @@ pub async fn waiting_for_compaction(
     connection: &mut Connection,
 ) -> sqlx::Result<Vec<(i64, String)>> {
     sqlx::query_as(
-        "SELECT sweep, id FROM sweeps WHERE phase = 'ended' AND is_compact = 0 ORDER BY sweep",
+        "SELECT sweep, id FROM sweeps WHERE phase = 'ended' AND is_compact = 0 \
+         AND NOT EXISTS (SELECT 1 FROM seals WHERE seals.sweep = sweeps.sweep) ORDER BY sweep",
     )
     .fetch_all(connection)
     .await
@@ -119,17 +127,20 @@ pub async fn guests_of(connection: &mut Connection, sweep: i64) -> sqlx::Result<
 
 /// Says that the files hold nothing of a chunk any more.
 pub async fn drop_home(connection: &mut Connection, sweep: i64, chunk: i64) -> sqlx::Result<()> {
-    sqlx::query("DELETE FROM parts WHERE sweep = $1 AND chunk = $2")
-        .bind(sweep)
-        .bind(chunk)
-        .execute(connection)
-        .await?;
+    for sql in [
+        "DELETE FROM parts WHERE sweep = $1 AND chunk = $2",
+        "DELETE FROM solved WHERE sweep = $1 AND chunk = $2",
+    ] {
+        sqlx::query(sql).bind(sweep).bind(chunk).execute(&mut *connection).await?;
+    }
     Ok(())
 }
 
 /// Says that the files hold nothing of a sweep any more.
 pub async fn drop_homes(connection: &mut Connection, sweep: i64) -> sqlx::Result<()> {
-    sqlx::query("DELETE FROM parts WHERE sweep = $1").bind(sweep).execute(connection).await?;
+    for sql in ["DELETE FROM parts WHERE sweep = $1", "DELETE FROM solved WHERE sweep = $1"] {
+        sqlx::query(sql).bind(sweep).execute(&mut *connection).await?;
+    }
     Ok(())
 }
 
@@ -194,7 +205,11 @@ pub async fn take_out(
 }
 
 /// Counts anew where the runs of a chunk live. Its files hold more than its runs now.
-async fn recount_chunk(connection: &mut Connection, sweep: i64, chunk: i64) -> sqlx::Result<()> {
+pub(super) async fn recount_chunk(
+    connection: &mut Connection,
+    sweep: i64,
+    chunk: i64,
+) -> sqlx::Result<()> {
     let span: (Option<i64>, Option<i64>) = sqlx::query_as(
         "SELECT MIN(first_index), MAX(last_index) FROM homes WHERE sweep = $1 AND chunk = $2",
     )

@@ -128,6 +128,12 @@ fn write(filter: &Filter, axes: &[&str], parts: &mut Vec<Part>) {
             write(inner, axes, parts);
             text(parts, ", FALSE)");
         }
+        // In letters without accents, the case does not matter.
+        Filter::Compare { column, op: Comparison::Contains, literal } => {
+            parts.push(Part::Text(format!("LOWER({}) LIKE ", name(column))));
+            parts.push(Part::Value(pattern(literal)));
+            text(parts, " ESCAPE '\\'");
+        }
         Filter::Compare { column, op, literal } => {
             let op = if *op == Comparison::NotEqual { "<>" } else { op.symbol() };
             parts.push(Part::Text(format!("{} {op} ", name(column))));
@@ -147,4 +153,38 @@ fn write(filter: &Filter, axes: &[&str], parts: &mut Vec<Part>) {
             parts.push(Part::Text(format!("{} IS NULL", name(column))));
         }
     }
+}
+
+/// The pattern of texts that contain a literal.
+fn pattern(literal: &Literal) -> Literal {
+    let Literal::Text(text) = literal else { return literal.clone() };
+    let mut pattern = String::from("%");
+    for c in text.chars() {
+        if matches!(c, '%' | '_' | '\\') {
+            pattern.push('\\');
+        }
+        pattern.push(c.to_ascii_lowercase());
+    }
+    pattern.push('%');
+    Literal::Text(pattern)
+}
+
+/// The only ids that runs can have which a filter lets through; none if it names none.
+pub fn ids(filter: &Filter) -> Option<Vec<&str>> {
+    let mut conjuncts = Vec::new();
+    flatten(filter, &mut conjuncts);
+    conjuncts.into_iter().find_map(|conjunct| {
+        let literals = match conjunct {
+            Filter::Compare { column, op: Comparison::Equal, literal } if column == "run_id" => {
+                std::slice::from_ref(literal)
+            }
+            Filter::In { column, literals } if column == "run_id" => literals.as_slice(),
+            _ => return None,
+        };
+        let texts = literals.iter().filter_map(|literal| match literal {
+            Literal::Text(text) => Some(text.as_str()),
+            Literal::Number(_) => None,
+        });
+        Some(texts.collect())
+    })
 }

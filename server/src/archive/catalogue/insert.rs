@@ -2,7 +2,7 @@
 
 use super::super::SolvedRun;
 use super::super::files::Written;
-use super::{AXES, care};
+use super::{AXES, SOLVE_SECONDS, care};
 use crate::domain::outcome::SCALARS;
 use crate::domain::parameters::{PARAMETERS, ParameterInfo};
 use crate::domain::status::Status;
@@ -46,7 +46,7 @@ pub async fn insert(
 }
 
 /// The columns before the numbers, in the order of [`add`].
-const COLUMNS: [&str; 16 + AXES] = [
+const COLUMNS: [&str; 17 + AXES] = [
     "sweep",
     "chunk",
     "home_sweep",
@@ -63,6 +63,7 @@ const COLUMNS: [&str; 16 + AXES] = [
     "residual_history",
     "iterations",
     "attempts",
+    SOLVE_SECONDS,
     "axis_1",
     "axis_2",
     "axis_3",
@@ -104,6 +105,7 @@ fn add(
     values.add(o.residual_history.as_ref().map(|h| serde_json::json!(h).to_string()))?;
     values.add(o.iterations as i64)?;
     values.add(o.attempts as i64)?;
+    values.add(o.provenance.as_ref().and_then(|provenance| provenance.solve_seconds))?;
     for i in 0..AXES {
         values.add(axes.get(i).map(|p| (p.get)(&o.parameters.0)))?;
     }
@@ -144,7 +146,7 @@ pub async fn adopt(
         return Ok(Vec::new());
     }
     const KEPT: &str = "run_id, status, detail, regime, upstream_closure, root_evidence, validity, \
-                        grid_convergence, residual_history, iterations, attempts, home_sweep, home_chunk";
+                        grid_convergence, residual_history, iterations, attempts, solve_seconds, home_sweep, home_chunk";
     let axes: Vec<&str> =
         PARAMETERS.iter().map(|p| p.name).filter(|name| axes.contains(name)).collect();
     let axis = |i: usize| axes.get(i).map_or("NULL".to_owned(), |name| format!("\"{name}\""));

@@ -1,7 +1,7 @@
 //! Lists of runs: pages in any order, filters, counts, pairs for fits.
 
 use super::filter::{Expression, PRIMARY, Served, condition, index_of, served};
-use super::{RunRow, TEXT_COLUMNS, WHOLE_COLUMNS, run_row};
+use super::{RunRow, SOLVE_SECONDS, TEXT_COLUMNS, WHOLE_COLUMNS, run_row};
 use crate::domain::filter::{ColumnKind, Filter, Literal};
 use crate::domain::outcome::SCALARS;
 use crate::domain::parameters::PARAMETERS;
@@ -31,6 +31,7 @@ pub fn kind_of(name: &str) -> Option<ColumnKind> {
 /// Whether a name is a parameter or a scalar.
 pub fn is_number(name: &str) -> bool {
     name == "iterations"
+        || name == SOLVE_SECONDS
         || PARAMETERS.iter().any(|p| p.name == name)
         || SCALARS.iter().any(|s| s.name == name)
 }
@@ -71,10 +72,10 @@ pub struct Total {
 }
 
 /// Runs looked at to count what a filter without an index lets through.
-const LOOKED_AT: i64 = 100_000;
+pub(super) const LOOKED_AT: i64 = 100_000;
 
 /// Most runs of a condition whose index is walked through for a page in another order.
-const FEW: i64 = 20_000;
+pub(super) const FEW: i64 = 20_000;
 
 /// A page of a sweep's runs. Pages go on from a run, so that runs stored meanwhile neither shift nor double
 /// any.
@@ -87,6 +88,41 @@ pub async fn runs(
     connection: &mut Connection,
     listing: &Listing<'_>,
 ) -> sqlx::Result<(Vec<RunRow>, Option<(Value, i64)>)> {
+    let rows: Vec<RunRow> = ask(connection, listing, false).await?.iter().map(run_row).collect();
+    let is_full = rows.len() as i64 == listing.limit;
+    let last = rows.last().filter(|_| is_full).map(|row| {
+        let index = row.0.get("run_index").and_then(Value::as_i64).unwrap_or_default();
+        (row.0.get(listing.order.column).cloned().unwrap_or_default(), index)
+    });
+    Ok((rows, last))
+}
+
+/// What [`runs`] lists, by index and the value sorted by only: often an index holds all that is asked for.
+pub async fn keys(
+    connection: &mut Connection,
+    listing: &Listing<'_>,
+) -> sqlx::Result<Vec<(Value, i64)>> {
+    let column = listing.order.column;
+    let rows = ask(connection, listing, true).await?;
+    let key = |row: &sqlx::sqlite::SqliteRow| {
+        let value = match kind_of(column) {
+            Some(ColumnKind::Number) if super::WHOLE_COLUMNS.contains(&column) => {
+                row.get::<Option<i64>, _>("sorted_by").into()
+            }
+            Some(ColumnKind::Number) => row.get::<Option<f64>, _>("sorted_by").into(),
+            _ => row.get::<Option<String>, _>("sorted_by").into(),
+        };
+        (value, row.get("run_index"))
+    };
+    Ok(rows.iter().map(key).collect())
+}
+
+/// The rows of a page of a sweep's runs: whole, or their keys only.
+async fn ask(
+    connection: &mut Connection,
+    listing: &Listing<'_>,
+    is_of_keys: bool,
+) -> sqlx::Result<Vec<sqlx::sqlite::SqliteRow>> {
     let Order { column, descending } = listing.order;
     assert!(is_column(column), "the caller checks the column");
     let axis = axis_column(column, &listing.axes);
@@ -97,15 +133,21 @@ pub async fn runs(
         _ => format!(" ORDER BY {sorted_by} {direction}, run_index {direction} "),
     };
     let index = way(connection, listing).await?;
-    let mut rows: Vec<RunRow> = Vec::new();
+    let mut rows = Vec::new();
     for stretch in stretches(listing, &sorted_by) {
         let missing = listing.limit - rows.len() as i64;
         if missing == 0 {
             break;
         }
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM runs INDEXED BY ");
-        query.push(PRIMARY).push(" WHERE sweep = ").push_bind(listing.sweep);
-        query.push(" AND run_index IN (SELECT run_index FROM runs INDEXED BY ").push(&index);
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT ");
+        if is_of_keys {
+            query.push("run_index, ").push(&sorted_by).push(" AS sorted_by");
+        } else {
+            query.push("* FROM runs INDEXED BY ").push(PRIMARY);
+            query.push(" WHERE sweep = ").push_bind(listing.sweep);
+            query.push(" AND run_index IN (SELECT run_index");
+        }
+        query.push(" FROM runs INDEXED BY ").push(&index);
         query.push(" WHERE sweep = ").push_bind(listing.sweep);
         if let Some(filter) = listing.filter {
             query.push(" AND (");
@@ -114,15 +156,13 @@ pub async fn runs(
         }
         query.push(" AND (");
         stretch.push_to(&mut query);
-        query.push(")").push(&order).push("LIMIT ").push_bind(missing).push(")").push(&order);
-        rows.extend(query.build().fetch_all(&mut *connection).await?.iter().map(run_row));
+        query.push(")").push(&order).push("LIMIT ").push_bind(missing);
+        if !is_of_keys {
+            query.push(")").push(&order);
+        }
+        rows.extend(query.build().fetch_all(&mut *connection).await?);
     }
-    let is_full = rows.len() as i64 == listing.limit;
-    let last = rows.last().filter(|_| is_full).map(|row| {
-        let index = row.0.get("run_index").and_then(Value::as_i64).unwrap_or_default();
-        (row.0.get(column).cloned().unwrap_or_default(), index)
-    });
-    Ok((rows, last))
+    Ok(rows)
 }
 
 /// The index along which a page is looked for. It is named in the query, because SQLite, which does not

@@ -1,28 +1,47 @@
 //! The catalogue: which runs there are, their numbers, and where their tables stand. All of the archive's
 //! SQL stands in this folder. Knows no queue.
 
+mod across;
+mod arrivals;
 mod care;
 mod filter;
+mod foreign;
 mod insert;
 mod list;
+mod nearest;
 mod place;
+mod seals;
+mod solved;
 
+pub use across::{Across, Candidate, Spot, count_across, holding, runs_across};
+pub use arrivals::{Known, imported_as, known_results, send_home};
 pub use care::{
     Which, all_files, clear_runs, compacted, copy_database, counts, drop_home, drop_homes,
-    drop_unused_files, guests_of, insert_file, place_in, rows_of_homes, take_out,
+    drop_unused_files, guests_of, insert_file, place_in, rows_of_homes, size, take_out,
     waiting_for_compaction,
+};
+pub use foreign::{
+    Counterpart, Foreign, candidates, foreign_rows, foreign_table, foreign_tables, insert_foreign,
+    remove_foreign,
 };
 pub use insert::{adopt, insert, is_empty, known};
 pub use list::{
     Listing, Order, Total, count, count_stored, failures, is_column, is_number, kind_of, pairs,
     runs,
 };
-pub use place::{Layout, Listed, Piece, Place, id_number, layout, parts};
+pub use nearest::{Near, nearest};
+pub use place::{Layout, Listed, Piece, Place, id_number, layout, layout_by_run, mark, parts};
+pub use seals::{
+    Home, SealedTables, StoredSeal, Stretch, gather_in, homes_of, insert_seal, is_sealed_file,
+    sealed_as, starts_of, stored_seal,
+};
+pub use solved::{Address, address, addresses, entries, insert_solved, tells_provenance};
 
 use super::ArchiveError;
 use super::schema::Kind;
 use crate::domain::outcome::{SCALARS, Scalars};
 use crate::domain::parameters::{PARAMETERS, Parameters};
+use crate::domain::provenance::Provenance;
 use crate::store::Connection;
 use serde::Serialize;
 use serde_json::Value;
@@ -41,6 +60,8 @@ const TEXT_COLUMNS: [&str; 8] = [
     "grid_convergence",
 ];
 const WHOLE_COLUMNS: [&str; 3] = ["run_index", "iterations", "attempts"];
+/// The time that a run took, which is no number of its result.
+const SOLVE_SECONDS: &str = "solve_seconds";
 /// Parameters of a sweep that the catalogue has an index of.
 pub const AXES: usize = 4;
 
@@ -57,6 +78,8 @@ pub struct Entry {
     pub residual_history: Option<Vec<f64>>,
     /// Its tables.
     pub places: Vec<(Kind, Place)>,
+    /// Who solved it and when, as far as that is known.
+    pub solved_by: Option<Provenance>,
 }
 
 impl Entry {
@@ -77,7 +100,14 @@ pub async fn run(connection: &mut Connection, run_id: &str) -> Result<Option<Ent
     .fetch_optional(&mut *connection)
     .await?;
     let Some(row) = row else { return Ok(None) };
-    let places = place::of_home(connection, row.get("home_sweep"), row.get("home_chunk")).await?;
+    let home = (row.get("home_sweep"), row.get("home_chunk"));
+    let places = place::of_home(connection, home.0, home.1).await?;
+    let solved_by = solved::solved_by(connection, home).await?;
+    Ok(Some(Entry { solved_by, ..entry(&row, places)? }))
+}
+
+/// A run's row, with where its tables stand.
+fn entry(row: &SqliteRow, places: Vec<(Kind, Place)>) -> Result<Entry, ArchiveError> {
     let mut scalars = Scalars::default();
     for s in SCALARS {
         (s.set)(&mut scalars, row.get(s.name));
@@ -90,7 +120,8 @@ pub async fn run(connection: &mut Connection, run_id: &str) -> Result<Option<Ent
     }
     let history: Option<String> = row.get("residual_history");
     let residual_history = history.and_then(|text| serde_json::from_str(&text).ok());
-    Ok(Some(Entry { row: run_row(&row), scalars, parameters, residual_history, places }))
+    let row = run_row(row);
+    Ok(Entry { row, scalars, parameters, residual_history, places, solved_by: None })
 }
 
 /// A run's scalars, as listed: parameters and results by name; numbers that do not exist are null.
@@ -126,6 +157,7 @@ fn run_row(row: &SqliteRow) -> RunRow {
     for s in SCALARS {
         map.insert(s.name.into(), row.get::<Option<f64>, _>(s.name).into());
     }
+    map.insert(SOLVE_SECONDS.into(), row.get::<Option<f64>, _>(SOLVE_SECONDS).into());
     RunRow(map)
 }
 

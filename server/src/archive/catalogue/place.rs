@@ -2,6 +2,7 @@
 
 use super::super::ArchiveError;
 use super::super::schema::{Kind, SCHEMA_VERSION};
+use super::seals::sealed_file;
 use crate::store::Connection;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{FromRow, Row};
@@ -51,8 +52,20 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The one file that is the whole table, if there is one.
+    /// Rows of the table, where its pieces say how many; of a piece with wanted runs, these.
+    pub fn rows(&self) -> usize {
+        let of =
+            |piece: &Piece| piece.wanted.as_ref().map_or(piece.place.row_count as usize, Vec::len);
+        self.groups.iter().flatten().map(of).sum()
+    }
+
+    /// The one file that is the whole table in this version's columns, if there is one.
     pub fn as_one_file(&self) -> Option<&Listed> {
+        self.as_whole_file().filter(|f| f.schema_version == SCHEMA_VERSION)
+    }
+
+    /// The one file that is the whole table, if there is one.
+    pub fn as_whole_file(&self) -> Option<&Listed> {
         let mut next_row = 0;
         let mut found: Option<&Listed> = None;
         for group in &self.groups {
@@ -63,7 +76,7 @@ impl Layout {
             next_row += place.row_count;
             found = Some(&place.file);
         }
-        found.filter(|f| f.row_count == next_row && f.schema_version == SCHEMA_VERSION)
+        found.filter(|f| f.row_count == next_row)
     }
 }
 
@@ -121,20 +134,30 @@ pub async fn layout(
     sweep: i64,
     kind: Kind,
 ) -> Result<Layout, ArchiveError> {
-    let rows = sqlx::query(
-        "SELECT h.chunk, h.home_sweep, h.home_chunk, h.runs, h.first_index, h.last_index, h.is_mixed, \
-         p.first_row, p.row_count AS part_rows, r.row_count AS home_runs, \
-         f.path, f.blake3, f.byte_count, f.row_count, f.schema_version \
-         FROM homes h \
-         JOIN parts r ON r.sweep = h.home_sweep AND r.chunk = h.home_chunk AND r.kind = 'runs' \
-         JOIN parts p ON p.sweep = h.home_sweep AND p.chunk = h.home_chunk AND p.kind = $2 \
-         JOIN files f ON f.path = p.path \
-         WHERE h.sweep = $1 ORDER BY h.first_index, h.chunk",
-    )
-    .bind(sweep)
-    .bind(kind.name())
-    .fetch_all(&mut *connection)
-    .await?;
+    if let Some(sealed) = sealed_file(connection, sweep, kind).await? {
+        let whole = |file: Listed| Place { first_row: 0, row_count: file.row_count, file };
+        let piece = sealed.map(|file| vec![Piece { place: whole(file), wanted: None }]);
+        return Ok(Layout { groups: piece.into_iter().collect() });
+    }
+    lay_out(connection, sweep, kind, false).await
+}
+
+/// Where a table of a sweep stands, with the wanted runs of every piece.
+pub async fn layout_by_run(
+    connection: &mut Connection,
+    sweep: i64,
+    kind: Kind,
+) -> Result<Layout, ArchiveError> {
+    lay_out(connection, sweep, kind, true).await
+}
+
+async fn lay_out(
+    connection: &mut Connection,
+    sweep: i64,
+    kind: Kind,
+    by_run: bool,
+) -> Result<Layout, ArchiveError> {
+    let rows = homes(connection, sweep, kind).await?;
     // Rows of the query whose runs lie between each other's belong together.
     let mut groups: Vec<&[SqliteRow]> = Vec::new();
     let (mut first, mut end) = (0, -1);
@@ -156,7 +179,7 @@ pub async fn layout(
             let is_whole = home == (sweep, chunk)
                 && row.get::<i64, _>("is_mixed") == 0
                 && row.get::<i64, _>("runs") == row.get::<i64, _>("home_runs");
-            let wanted = if is_whole && group.len() == 1 {
+            let wanted = if is_whole && group.len() == 1 && !by_run {
                 None
             } else {
                 let range = row.get("first_index")..=row.get("last_index");
@@ -167,6 +190,60 @@ pub async fn layout(
         layout.groups.push(pieces);
     }
     Ok(layout)
+}
+
+/// What a sweep's table is, as a hash: it changes whenever the table's rows, their order or their files do.
+/// Looks at no run, since a chunk's runs are stored once, under a number that no other chunk gets, and then
+/// only ever taken out: how many there are in a home tells which.
+pub async fn mark(
+    connection: &mut Connection,
+    sweep: i64,
+    kind: Kind,
+) -> sqlx::Result<blake3::Hash> {
+    let mut hasher = blake3::Hasher::new();
+    if let Some(sealed) = sealed_file(connection, sweep, kind).await? {
+        hasher.update(b"sealed");
+        if let Some(file) = sealed {
+            hasher.update(&file.schema_version.to_le_bytes()).update(file.blake3.as_bytes());
+        }
+        return Ok(hasher.finalize());
+    }
+    for row in homes(connection, sweep, kind).await? {
+        let place = place(&row)?;
+        for column in ["chunk", "home_sweep", "home_chunk", "runs", "first_index", "last_index"] {
+            hasher.update(&row.get::<i64, _>(column).to_le_bytes());
+        }
+        for number in [row.get("is_mixed"), row.get("home_runs"), place.first_row, place.row_count]
+        {
+            hasher.update(&i64::to_le_bytes(number));
+        }
+        hasher.update(&place.file.schema_version.to_le_bytes());
+        // A hash has one length, and so nothing runs into the next row.
+        hasher.update(place.file.blake3.as_bytes());
+    }
+    Ok(hasher.finalize())
+}
+
+/// The homes of a sweep's runs, each with the place of the table's rows, in the order of the runs.
+async fn homes(
+    connection: &mut Connection,
+    sweep: i64,
+    kind: Kind,
+) -> sqlx::Result<Vec<SqliteRow>> {
+    sqlx::query(
+        "SELECT h.chunk, h.home_sweep, h.home_chunk, h.runs, h.first_index, h.last_index, h.is_mixed, \
+         p.first_row, p.row_count AS part_rows, r.row_count AS home_runs, \
+         f.path, f.blake3, f.byte_count, f.row_count, f.schema_version \
+         FROM homes h \
+         JOIN parts r ON r.sweep = h.home_sweep AND r.chunk = h.home_chunk AND r.kind = 'runs' \
+         JOIN parts p ON p.sweep = h.home_sweep AND p.chunk = h.home_chunk AND p.kind = $2 \
+         JOIN files f ON f.path = p.path \
+         WHERE h.sweep = $1 ORDER BY h.first_index, h.chunk, h.home_sweep, h.home_chunk",
+    )
+    .bind(sweep)
+    .bind(kind.name())
+    .fetch_all(connection)
+    .await
 }
 
 /// A chunk's ids and indices of the runs that live in one home, ascending.

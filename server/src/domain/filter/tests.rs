@@ -7,6 +7,8 @@ fn kind_of(name: &str) -> Option<ColumnKind> {
     match name {
         "d_m" | "A" | "force_n_per_m" | "melt_rate_m_per_day" => Some(ColumnKind::Number),
         "status" | "run_id" => Some(ColumnKind::Text),
+        "created_at" => Some(ColumnKind::Time),
+        "tag" => Some(ColumnKind::Words),
         _ => None,
     }
 }
@@ -161,5 +163,39 @@ proptest! {
         if let Err(refusal) = Filter::parse(&text, &kind_of) {
             prop_assert!(refusal.permitted.is_some() && refusal.value.is_some());
         }
+    }
+}
+
+#[test]
+fn each_kind_of_column_takes_the_comparisons_that_have_a_meaning() {
+    assert_eq!(parsed("status ~ 'Fail'"), compare("status", Comparison::Contains, "Fail"));
+    assert_eq!(parsed("tag~'x'"), compare("tag", Comparison::Contains, "x"));
+    assert_eq!(
+        parsed("created_at > '2026-11-01T12:30:00Z'"),
+        compare("created_at", Greater, "2026-11-01T12:30:00")
+    );
+    assert_eq!(
+        parsed("'2026' <= created_at < '2027-02'"),
+        Filter::And(vec![
+            compare("created_at", GreaterOrEqual, "2026"),
+            compare("created_at", Less, "2027-02"),
+        ])
+    );
+    for (text, at) in [
+        ("d_m ~ 3", 5),
+        ("tag < 'x'", 5),
+        ("'x' > tag", 5),
+        ("'x' ~ status", 5),
+        ("tag = 3", 7),
+        ("created_at ~ '2026'", 12),
+        ("created_at = 2026", 14),
+        ("created_at = '2026-13'", 14),
+        ("created_at in ('2026', 'soon')", 24),
+        ("'soon' < created_at", 1),
+        ("status ~ 5", 10),
+    ] {
+        let refusal = Filter::parse(text, &kind_of).expect_err(text);
+        assert_eq!(refusal.character, Some(at), "{text}: {refusal}");
+        assert!(refusal.pointed().ends_with(&format!("\n  {text}\n  {}^", " ".repeat(at - 1))));
     }
 }

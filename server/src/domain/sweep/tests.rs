@@ -329,3 +329,26 @@ proptest! {
         prop_assert!(is_permutation(spec.visiting_order(stretch.clone()), stretch));
     }
 }
+
+#[test]
+fn ranges_are_those_of_all_runs_also_of_what_a_flux_sets() {
+    let sweep = sweep(&steady(json!({
+        "parameters": {"d_m": 30},
+        "axes": [
+            {"parameter": "calving_flux_m2_per_a", "values": [3e6, 1.2e6]},
+            {"zip": [
+                {"parameter": "terminus_thickness_m", "values": [600, 400]},
+                {"parameter": "b", "values": [1e4, 2e4]},
+            ]},
+        ],
+    })));
+    let range = |wanted: &str| {
+        let (_, low, high) =
+            sweep.ranges().find(|(name, ..)| *name == wanted).expect("a parameter");
+        (low, high)
+    };
+    assert_eq!(range("calving_rate_m_per_a"), (1.2e6 / 600.0, 3e6 / 400.0));
+    assert_eq!(range("terminus_velocity_m_per_a"), (1.2e6 / 600.0, 3e6 / 400.0));
+    assert_eq!((range("b"), range("d_m")), ((1e4, 2e4), (30.0, 30.0)));
+    assert_eq!(sweep.ranges().count(), PARAMETERS.len());
+}

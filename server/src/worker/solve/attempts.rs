@@ -84,29 +84,40 @@ pub fn another_may_help(error: &SolveError) -> bool {
     }
 }
 
+/// A steady state that was found.
+#[derive(Debug, Clone)]
+pub struct Way {
+    /// Of what.
+    pub model: Model,
+    /// How.
+    pub trail: Trail,
+    /// By which of a walker's solves.
+    pub solve: usize,
+}
+
 /// The steady states found last, the newest at the end.
 #[derive(Debug, Default)]
-pub struct Found(VecDeque<(Model, Trail)>);
+pub struct Found(VecDeque<Way>);
 
 impl Found {
     /// Remembers one, and forgets the oldest if there are many.
-    pub fn remember(&mut self, model: Model, trail: Trail) {
+    pub fn remember(&mut self, way: Way) {
         if self.0.len() == REMEMBERED {
             self.0.pop_front();
         }
-        self.0.push_back((model, trail));
+        self.0.push_back(way);
     }
 
-    /// The way to the newest.
-    pub fn newest(&self) -> Option<&Trail> {
-        self.0.back().map(|(_, trail)| trail)
+    /// The newest.
+    pub fn newest(&self) -> Option<&Way> {
+        self.0.back()
     }
 
     /// The one nearest to a model of its kind: same grid, closure, shape of the melt and kind of fjord.
-    pub fn nearest(&self, to: &Model) -> Option<&(Model, Trail)> {
-        let distance = |model: &Model| distance(model.parameters(), to.parameters());
-        let of_its_kind = self.0.iter().filter(|(model, _)| is_of_a_kind(model, to));
-        of_its_kind.min_by(|(a, _), (b, _)| distance(a).total_cmp(&distance(b)))
+    pub fn nearest(&self, to: &Model) -> Option<&Way> {
+        let distance = |way: &Way| distance(way.model.parameters(), to.parameters());
+        let of_its_kind = self.0.iter().filter(|way| is_of_a_kind(&way.model, to));
+        of_its_kind.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 }
 
@@ -159,7 +170,7 @@ pub fn continued(
     to: &Model,
     stop: &dyn Fn() -> bool,
 ) -> Option<(SteadyVerdict, usize)> {
-    let (from, trail) = found.nearest(to)?;
+    let Way { model: from, trail, .. } = found.nearest(to)?;
     let mut spent = 0;
     let mut last = None;
     let step = |near: &Trail, share: f64| {
@@ -365,7 +376,7 @@ mod tests {
     fn continuation_finds_the_steady_state_itself() {
         let (from, to) = (model(0.4, 3500.0, 30), model(0.8, 5000.0, 30));
         let mut found = Found::default();
-        found.remember(from.clone(), steady(&from).1);
+        found.remember(Way { model: from.clone(), trail: steady(&from).1, solve: 0 });
         let mut solver = Solver::new(to.clone());
         let (verdict, steps) = continued(&mut solver, &found, &to, &|| false).expect("a way");
         let SteadyVerdict::Converged { solution, .. } = verdict else { panic!("{verdict:?}") };
@@ -384,11 +395,11 @@ mod tests {
         for (melt, n_cells) in [(0.5, 20), (0.6, 20), (0.8, 20), (0.7, 24)] {
             let model = model(melt, 4000.0, n_cells);
             let trail = steady(&model).1;
-            found.remember(model, trail);
+            found.remember(Way { model, trail, solve: 0 });
         }
         let melt = |to: &Model| {
             let nearest = found.nearest(to);
-            nearest.map(|(model, _)| model.parameters().melt_rate_m_per_day)
+            nearest.map(|way| way.model.parameters().melt_rate_m_per_day)
         };
         assert_eq!(melt(&model(0.69, 4000.0, 20)), Some(0.6));
         assert_eq!(melt(&model(0.69, 4000.0, 24)), Some(0.7));

@@ -175,3 +175,35 @@ fn branches_folds_and_calibrations_stop_when_told_to() {
         }
     }
 }
+
+/// A run found by continuation comes out again from the way it continued, and so does one that is beside another.
+#[test]
+fn a_solve_is_repeated_from_what_it_began_from() {
+    let mut walker = Walker::default();
+    let chain = [hard(1.3 * HARD), hard(HARD), hard(0.98 * HARD)];
+    let outcomes: Vec<(Outcome, Began)> = chain
+        .iter()
+        .map(|document| {
+            let outcome = solve(&mut walker, document);
+            (outcome, walker.began())
+        })
+        .collect();
+    assert_eq!(outcomes[0].1, Began::Own);
+    assert_eq!(outcomes[1].1, Began::From(0));
+    assert!(matches!(outcomes[2].1, Began::Beside(1) | Began::From(_)), "{:?}", outcomes[2].1);
+
+    let mut first = Walker::default();
+    first.find_way(&run(&chain[0]), &|| false);
+    let mut ways = vec![first.way().expect("it is found")];
+    for (document, (outcome, began)) in chain.iter().zip(&outcomes).skip(1) {
+        let (_, from) = began.told();
+        let from = &ways[from.expect("another")];
+        let mut again = Walker::beginning(from, matches!(began, Began::Beside(_)));
+        assert_eq!(&solve(&mut again, document), outcome);
+        assert_eq!(again.began().told().0, began.told().0);
+        ways.push(again.way().expect("it is found"));
+    }
+    let mut alone = Walker::default();
+    assert_eq!(solve(&mut alone, &chain[1]).status, Status::Failed);
+    assert!(alone.way().is_none());
+}
