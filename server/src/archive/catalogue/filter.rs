@@ -55,6 +55,15 @@ pub fn index_of(column: &str, axes: &[&str]) -> Option<String> {
     }
 }
 
+/// A sweep's runs along an index, as the beginning of a condition. The index of an axis has no runs of sweeps
+/// without such an axis, and is taken only by who says that they want none.
+pub fn along(query: &mut QueryBuilder<Sqlite>, index: &str, sweep: i64) {
+    query.push("runs INDEXED BY ").push(index).push(" WHERE sweep = ").push_bind(sweep);
+    if let Some(axis) = index.strip_prefix("runs_by_axis_") {
+        query.push(" AND axis_").push(axis).push(" IS NOT NULL");
+    }
+}
+
 /// Conditions of a filter that one index serves.
 pub struct Served {
     /// The index.

@@ -1,6 +1,6 @@
 //! Lists of runs: pages in any order, filters, counts, pairs for fits.
 
-use super::filter::{Expression, PRIMARY, Served, condition, index_of, served};
+use super::filter::{Expression, PRIMARY, Served, along, condition, index_of, served};
 use super::{RunRow, SOLVE_SECONDS, TEXT_COLUMNS, WHOLE_COLUMNS, run_row};
 use crate::domain::filter::{ColumnKind, Filter, Literal};
 use crate::domain::outcome::SCALARS;
@@ -143,12 +143,12 @@ async fn ask(
         if is_of_keys {
             query.push("run_index, ").push(&sorted_by).push(" AS sorted_by");
         } else {
-            query.push("* FROM runs INDEXED BY ").push(PRIMARY);
-            query.push(" WHERE sweep = ").push_bind(listing.sweep);
+            query.push("* FROM ");
+            along(&mut query, PRIMARY, listing.sweep);
             query.push(" AND run_index IN (SELECT run_index");
         }
-        query.push(" FROM runs INDEXED BY ").push(&index);
-        query.push(" WHERE sweep = ").push_bind(listing.sweep);
+        query.push(" FROM ");
+        along(&mut query, &index, listing.sweep);
         if let Some(filter) = listing.filter {
             query.push(" AND (");
             condition(filter, &listing.axes).push_to(&mut query);
@@ -195,8 +195,8 @@ async fn index_of_few(
     let mut fewest = FEW + 1;
     let mut index = None;
     for Served { index: its, conditions, .. } in served {
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT COUNT(*) FROM (SELECT 1 FROM runs ");
-        query.push("INDEXED BY ").push(its).push(" WHERE sweep = ").push_bind(listing.sweep);
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT COUNT(*) FROM (SELECT 1 FROM ");
+        along(&mut query, its, listing.sweep);
         query.push(" AND (");
         condition(conditions, &listing.axes).push_to(&mut query);
         query.push(") LIMIT ").push_bind(fewest).push(")");
@@ -263,8 +263,8 @@ pub async fn count_filtered(
     let is_exact = index.is_some() || stored <= LOOKED_AT;
     let mut query = QueryBuilder::<Sqlite>::new("SELECT COUNT(*) FROM ");
     if is_exact {
-        query.push("runs INDEXED BY ").push(index.as_deref().unwrap_or(PRIMARY));
-        query.push(" WHERE sweep = ").push_bind(listing.sweep).push(" AND (");
+        along(&mut query, index.as_deref().unwrap_or(PRIMARY), listing.sweep);
+        query.push(" AND (");
     } else {
         query.push("(SELECT * FROM runs WHERE sweep = ").push_bind(listing.sweep);
         query.push(" ORDER BY run_index LIMIT ").push_bind(LOOKED_AT).push(") WHERE (");

@@ -3,7 +3,7 @@
 //! found is what looking at every run would find.
 
 use super::across::Candidate;
-use super::filter::{PRIMARY, condition, index_of};
+use super::filter::{PRIMARY, along, condition, index_of};
 use super::{RunRow, across};
 use crate::domain::nearness::Nearness;
 use crate::store::Connection;
@@ -183,8 +183,8 @@ async fn look(
     });
     let index = narrow.as_ref().map_or(PRIMARY, |(_, _, index)| index);
     let mut query = QueryBuilder::<Sqlite>::new("SELECT run_index, run_id, ");
-    query.push(names.join(", ")).push(" FROM runs INDEXED BY ").push(index);
-    query.push(" WHERE sweep = ").push_bind(facts.number);
+    query.push(names.join(", ")).push(" FROM ");
+    along(&mut query, index, facts.number);
     if let Some(radius) = radius {
         for wanted in near.wanted() {
             let name = wanted.parameter.name;
