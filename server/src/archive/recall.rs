@@ -50,11 +50,31 @@ impl Recalled {
         tables.collect::<Result<_, _>>().map(Self)
     }
 
+    /// Adds the tables of another chunk.
+    pub fn join(&mut self, other: Self) {
+        self.0.extend(other.0);
+    }
+
+    /// What runs began from that is not among these chunks' runs.
+    pub fn missing_starts(&self) -> Vec<String> {
+        let tables = self.0.iter().filter(|table| table.kind == Kind::Runs);
+        let runs = tables.flat_map(|table| table.of_run.values().map(move |r| (table, r.start)));
+        let mut starts: Vec<String> = runs
+            .filter_map(|(table, row)| provenance::of_row(&table.rows, row).started_from)
+            .filter(|id| self.rows(Kind::Runs, id).is_none())
+            .collect();
+        starts.sort_unstable();
+        starts.dedup();
+        starts
+    }
+
     /// A run's rows of a table, in the columns of the file; none if it has none.
     pub fn rows(&self, kind: Kind, run_id: &str) -> Option<RecordBatch> {
-        let table = self.0.iter().find(|table| table.kind == kind)?;
-        let rows = table.of_run.get(run_id)?;
-        Some(table.rows.slice(rows.start, rows.len()))
+        let mut tables = self.0.iter().filter(|table| table.kind == kind);
+        tables.find_map(|table| {
+            let rows = table.of_run.get(run_id)?;
+            Some(table.rows.slice(rows.start, rows.len()))
+        })
     }
 
     /// The numbers of a run's result that its row has, by name.
@@ -136,6 +156,8 @@ impl Table {
         let mut of_run: HashMap<String, Range<usize>> = HashMap::new();
         for row in 0..rows.num_rows() {
             match of_run.get_mut(ids.value(row)) {
+                // A run that stands in its sweep twice has its rows of the other tables once.
+                Some(_) if kind == Kind::Runs => {}
                 Some(range) => range.end = row + 1,
                 None => drop(of_run.insert(ids.value(row).to_owned(), row..row + 1)),
             }

@@ -76,6 +76,9 @@ enum Name<'a> {
 /// `Family, Given`, or `Given Family` where words that begin with a small letter before the last word belong
 /// to the family's name.
 fn parts(author: &Author) -> Name<'_> {
+    if let Some(name) = author.organisation() {
+        return Name::Organisation(name);
+    }
     let name = author.name.as_str();
     let (given, family) = match name.split_once(',') {
         Some((family, given)) => (given.trim(), family.trim()),
@@ -101,7 +104,8 @@ fn parts(author: &Author) -> Name<'_> {
 }
 
 fn is_particle(word: &str) -> bool {
-    word.chars().next().is_some_and(char::is_lowercase)
+    // `and` is never part of a name of one person.
+    word != "and" && word.chars().next().is_some_and(char::is_lowercase)
 }
 
 /// A text as TeX prints it. Braces are named, since BibTeX counts them even behind a backslash.
@@ -138,7 +142,7 @@ fn bibtex_name(author: &Author) -> String {
                 if is_odd { format!("{{{}}}", tex(text)) } else { tex(text) }
             };
             let space = if particle.is_empty() { "" } else { " " };
-            format!("{}{space}{}, {}", tex(&particle), guarded(&family), guarded(given))
+            format!("{}{space}{}, {}", guarded(&particle), guarded(&family), guarded(given))
         }
     }
 }
@@ -323,6 +327,8 @@ mod tests {
             ("Óscar Núñez Álvarez", "Álvarez, Óscar Núñez"),
             ("Núñez Álvarez, Óscar", "Núñez Álvarez, Óscar"),
             ("ETH", "{ETH}"),
+            ("{University of Oslo}", "{University of Oslo}"),
+            ("Smith and Jones", "Jones, {Smith and}"),
             ("Lamb & Co", "Co, Lamb \\&"),
             ("Smith and Sons, The", "{Smith and Sons}, The"),
             ("Łukasz Żuk-Ω", "Żuk-Ω, Łukasz"),

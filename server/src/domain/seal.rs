@@ -23,7 +23,8 @@ pub struct SealForm {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Author {
-    /// `Given Family` or `Family, Given`; a single word is an organisation's name.
+    /// `Given Family` or `Family, Given`; a single word is an organisation's name, and so is what stands in braces:
+    /// `{University of Oslo}`.
     pub name: String,
     /// ORCID, such as `0000-0002-1825-0097`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -159,10 +160,20 @@ impl SealForm {
 }
 
 impl Author {
+    /// The name of an organisation of several words, which stands in braces: `{University of Oslo}`.
+    pub fn organisation(&self) -> Option<&str> {
+        self.name.strip_prefix('{')?.strip_suffix('}').map(str::trim)
+    }
+
     fn checked(&self, field: &str) -> Result<Self, Refusal> {
         let name = line(&format!("{field}.name"), &self.name)?;
+        let is_organisation = name.starts_with('{') && name.ends_with('}') && name.len() > 2;
         let parts: Vec<&str> = name.split(',').map(str::trim).collect();
-        if parts.len() > 2 || parts.iter().any(|part| part.is_empty()) {
+        if !is_organisation && name.contains(['{', '}']) {
+            let permitted = "braces around the whole name of an organisation, and nowhere else";
+            return Err(Refusal::value(format!("{field}.name"), name, permitted));
+        }
+        if parts.len() > 2 && !is_organisation || parts.iter().any(|part| part.is_empty()) {
             let permitted = "`Given Family` or `Family, Given`";
             return Err(Refusal::value(format!("{field}.name"), name, permitted));
         }

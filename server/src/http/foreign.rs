@@ -211,7 +211,9 @@ pub async fn rows(
     let mut tx = service.store.read().await?;
     let table = found(&mut tx, &id).await?;
     let rows = catalogue::foreign_rows(&mut tx, &id, from, limit).await?;
-    let next = Some(from + limit).filter(|next| *next < table.row_count).map(|n| n.to_string());
+    let next = Some(from.saturating_add(limit))
+        .filter(|next| *next < table.row_count)
+        .map(|n| n.to_string());
     Ok(Json(Page::new(rows, next, table.row_count)))
 }
 
@@ -307,7 +309,8 @@ pub async fn compared(
     }
     let summary = differences.into_iter().filter_map(|(name, d)| Some((name, spread(d)?)));
     let matched = all.len();
-    let next = Some(from + limit).filter(|next| *next < matched).map(|n| n.to_string());
+    let next =
+        Some(from.saturating_add(limit)).filter(|next| *next < matched).map(|n| n.to_string());
     Ok(CompareResult {
         rows: rows.len(),
         matched,

@@ -8,6 +8,7 @@ use crate::archive::catalogue;
 use crate::archive::ensemble::check::Checked;
 use crate::archive::ensemble::export::{self, Folder};
 use crate::archive::ensemble::import::{self as imports, Arrivals, Comparison};
+use crate::archive::ensemble::manifest::Manifest;
 use crate::archive::ensemble::{ImportError, unpack};
 use crate::archive::files::{self, Written};
 use crate::archive::schema::Kind;
@@ -234,10 +235,7 @@ async fn take_all(
     let mut tx = store.read().await?;
     for ensemble in &arrivals.ensembles {
         let manifest = &ensemble.staged.manifest;
-        let here = match manifest.seal {
-            Some(_) => catalogue::sealed_as(&mut tx, &manifest.content_hash).await?,
-            None => catalogue::imported_as(&mut tx, &manifest.content_hash).await?,
-        };
+        let here = here(&mut tx, manifest).await?;
         let comparison = imports::compare(&mut tx, ensemble).await?;
         let mut arrival = Arrival {
             source_id: manifest.sweep.id.clone(),
@@ -249,9 +247,11 @@ async fn take_all(
             comparison,
         };
         let taken = !queue::is_id_free(&mut tx, &arrival.source_id).await?;
+        // One that lies in the trash, or is being cleared away, is not here.
+        let is_here = queue::sweep_in_brief(&mut tx, &arrival.source_id).await?.is_some();
         let is_whole = ensemble.missing.is_empty() && manifest.sweep.counts.failed == 0;
         if manifest.seal.is_none()
-            && taken
+            && is_here
             && is_whole
             && arrival.comparison.identical == arrival.runs
         {
@@ -306,6 +306,14 @@ async fn take_all(
     Ok(Imported { ensembles: told })
 }
 
+/// Id of the sweep that an ensemble is here, if it is.
+async fn here(tx: &mut Connection, manifest: &Manifest) -> sqlx::Result<Option<String>> {
+    match manifest.seal {
+        Some(_) => catalogue::sealed_as(tx, &manifest.content_hash).await,
+        None => catalogue::imported_as(tx, &manifest.content_hash).await,
+    }
+}
+
 fn new_id() -> String {
     Uuid::now_v7().simple().to_string()
 }
@@ -323,6 +331,9 @@ async fn admit(
         return Err(Problem::conflict("a sweep with the same id has come meanwhile; try again"));
     }
     let manifest = &ensemble.staged.manifest;
+    if here(tx, manifest).await?.is_some() {
+        return Err(Problem::conflict("the same ensemble has come meanwhile; ask again"));
+    }
     let done: Vec<_> = ensemble.stretches.iter().map(|s| s.first..s.end).collect();
     let admission = Admission {
         id,
@@ -339,7 +350,7 @@ async fn admit(
         done: &done,
         missing: &ensemble.missing,
     };
-    queue::check_quota(tx, &actor.name, ensemble.sweep.count() as i64).await?;
+    queue::check_quota(tx, &actor.name, ensemble.sweep.count() as i64, 0).await?;
     let number = queue::admit(tx, &admission).await?;
     imports::list(tx, &store.archive(), number, ensemble, placed).await?;
     let detail = format!("{}, {}", manifest.sweep.id, manifest.content_hash);

@@ -65,7 +65,7 @@ pub async fn act(store: &Store, actor: &Actor, id: &str, verb: Verb) -> Result<S
         queue::verb(&mut tx, row.number, row.phase, verb).await?;
     }
     if let (Verb::Recover | Verb::Resume | Verb::Retry, Some(owner)) = (verb, &row.owner) {
-        queue::check_quota(&mut tx, owner, 0).await?;
+        queue::check_quota(&mut tx, owner, 0, 0).await?;
     }
     let row = queue::sweep_in_brief(&mut tx, id).await?;
     tx.commit().await?;

@@ -91,7 +91,7 @@ pub async fn enqueue(
     {
         return Ok(known);
     }
-    check_quota(&mut tx, &owner, total as i64).await?;
+    check_quota(&mut tx, &owner, total as i64, total as i64).await?;
     let number: i64 = sqlx::query_scalar("SELECT COALESCE(MAX(sweep), 0) + 1 FROM sweeps")
         .fetch_one(&mut *tx)
         .await?;
@@ -176,11 +176,12 @@ pub(super) async fn describe(
     Ok(())
 }
 
-/// Refuses so many more runs where they are beyond what their owner may have, or where that is exceeded already. Sweeps in the trash do not count.
+/// Refuses so many more runs, some of them pending, where they are beyond what their owner may have, or where that is exceeded already. Sweeps in the trash do not count.
 pub async fn check_quota(
     connection: &mut Connection,
     owner: &str,
     count: i64,
+    pending: i64,
 ) -> Result<(), EnqueueError> {
     let quota = people::one(connection, owner).await?.map(|p| p.quota).unwrap_or_default();
     if quota == people::Quota::default() {
@@ -194,12 +195,11 @@ pub async fn check_quota(
     .bind(owner)
     .fetch_one(connection)
     .await?;
-    for (most, has, what) in [
-        (quota.most_runs, row.get::<i64, _>("runs"), ""),
-        (quota.most_pending_runs, row.get("pending"), " waiting or under way"),
+    for (most, would, what) in [
+        (quota.most_runs, row.get::<i64, _>("runs") + count, ""),
+        (quota.most_pending_runs, row.get::<i64, _>("pending") + pending, " waiting or under way"),
     ] {
-        if let Some(most) = most.filter(|most| has + count > *most) {
-            let would = has + count;
+        if let Some(most) = most.filter(|most| would > *most) {
             return Err(EnqueueError::Quota { owner: owner.into(), most, what, would });
         }
     }

@@ -4,9 +4,10 @@ mod repeat;
 
 use super::solve::StoredStart;
 use super::{NICENESS, stored_start};
-use crate::archive::catalogue::{self, Address, Entry};
+use crate::archive::catalogue::{self, Address, Entry, Place};
 use crate::archive::likeness::Difference;
 use crate::archive::recall::Recalled;
+use crate::archive::schema::Kind;
 use crate::archive::{ArchiveError, read};
 use crate::domain::document::Document;
 use crate::domain::start::Start;
@@ -14,7 +15,7 @@ use crate::queue;
 use crate::store::{Connection, Onlooker};
 use anyhow::{Context, bail};
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::sync::{Mutex, oneshot};
 use tokio::task::JoinSet;
@@ -189,10 +190,24 @@ impl Repeater {
         let places = entries.first().map(|entry| entry.places.clone()).unwrap_or_default();
         let sweep = addresses.first().map(|address| address.sweep).unwrap_or_default();
         let document = self.document(&mut tx, sweep).await?;
+        let mut recalled = self.recall(places).await?;
+        // Sealing and importing cut chunks anew: what a run began from may be in another one now.
+        if let Some((home, first)) = addresses.first().map(|address| address.home) {
+            let mut read = HashSet::from([first]);
+            loop {
+                let missing = recalled.missing_starts();
+                let mut chunks = catalogue::chunks_of(&mut tx, home, &missing).await?;
+                chunks.retain(|chunk| read.insert(*chunk));
+                if chunks.is_empty() {
+                    break;
+                }
+                for chunk in chunks {
+                    let places = catalogue::places_of(&mut tx, (home, chunk)).await?;
+                    recalled.join(self.recall(places).await?);
+                }
+            }
+        }
         drop(tx);
-        let archive = self.onlooker.archive();
-        let recalled =
-            tokio::task::spawn_blocking(move || Recalled::read(&archive, &places)).await??;
         let document = document.map(|text| Document::parse(&text)).transpose()?;
         let start = match document.as_ref().and_then(|document| document.start.clone()) {
             Some(Start::Run(id)) => self.start(&id).await?,
@@ -200,6 +215,12 @@ impl Repeater {
         };
         let options = document.and_then(|document| document.options_of_any_length());
         Ok(Work { entries, recalled, start, options })
+    }
+
+    async fn recall(&self, places: Vec<(Kind, Place)>) -> anyhow::Result<Recalled> {
+        let archive = self.onlooker.archive();
+        let read = move || Recalled::read(&archive, &places);
+        Ok(tokio::task::spawn_blocking(read).await??)
     }
 
     /// The document of a sweep, which all its runs share but for their points.

@@ -45,7 +45,8 @@ pub async fn known_results(connection: &mut Connection, ids: &[&str]) -> sqlx::R
 pub async fn imported_as(connection: &mut Connection, hash: &str) -> sqlx::Result<Option<String>> {
     sqlx::query_scalar(
         "SELECT s.id FROM imports i JOIN sweeps s ON s.sweep = i.sweep \
-         WHERE i.content_hash = $1 AND s.phase <> 'deleted' ORDER BY i.sweep LIMIT 1",
+         WHERE i.content_hash = $1 AND s.phase <> 'deleted' AND s.trashed_ms IS NULL \
+         ORDER BY i.sweep LIMIT 1",
     )
     .bind(hash)
     .fetch_optional(connection)

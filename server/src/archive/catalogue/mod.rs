@@ -35,7 +35,9 @@ pub use seals::{
     Home, SealedTables, StoredSeal, Stretch, gather_in, homes_of, insert_seal, is_sealed_file,
     sealed_as, starts_of, stored_seal,
 };
-pub use solved::{Address, address, addresses, entries, insert_solved, tells_provenance};
+pub use solved::{
+    Address, address, addresses, chunks_of, entries, insert_solved, places_of, tells_provenance,
+};
 
 use super::ArchiveError;
 use super::schema::Kind;

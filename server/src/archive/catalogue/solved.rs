@@ -1,7 +1,8 @@
 //! Who solved a chunk and when; and which runs are to be solved again for comparison.
 
-use super::{Entry, entry};
+use super::{Entry, Place, entry};
 use crate::archive::ArchiveError;
+use crate::archive::schema::Kind;
 use crate::domain::provenance::Provenance;
 use crate::store::Connection;
 use sqlx::{QueryBuilder, Row, Sqlite};
@@ -123,6 +124,38 @@ pub async fn addresses(connection: &mut Connection, sweep: i64) -> sqlx::Result<
     let mut addresses: Vec<Address> = rows.into_iter().map(address).collect();
     addresses.sort_unstable();
     Ok(addresses)
+}
+
+/// Where the tables of a chunk's runs stand.
+pub async fn places_of(
+    connection: &mut Connection,
+    home: (i64, i64),
+) -> sqlx::Result<Vec<(Kind, Place)>> {
+    super::place::of_home(connection, home.0, home.1).await
+}
+
+/// Chunks of a sweep's own in whose files some of its runs are.
+pub async fn chunks_of(
+    connection: &mut Connection,
+    sweep: i64,
+    run_ids: &[String],
+) -> sqlx::Result<Vec<i64>> {
+    /// Ids per statement.
+    const AT_ONCE: usize = 500;
+    let mut chunks = Vec::new();
+    for ids in run_ids.chunks(AT_ONCE) {
+        let mut query =
+            QueryBuilder::<Sqlite>::new("SELECT DISTINCT home_chunk FROM runs WHERE sweep = ");
+        query.push_bind(sweep).push(" AND home_sweep = ").push_bind(sweep);
+        query.push(" AND run_id IN (");
+        let mut list = query.separated(", ");
+        ids.iter().for_each(|id| {
+            list.push_bind(id.clone());
+        });
+        query.push(")");
+        chunks.extend(query.build_query_scalar::<i64>().fetch_all(&mut *connection).await?);
+    }
+    Ok(chunks)
 }
 
 /// Runs of one home, by index, with where their tables stand.

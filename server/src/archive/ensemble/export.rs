@@ -77,10 +77,12 @@ impl Folder {
     /// Gathers a sweep's files. A table that stands in one file is that file; others are put together.
     pub fn gather(archive: &Path, subject: Subject) -> Result<Self, ArchiveError> {
         let Subject { entry, document, mut layouts, seal } = subject;
+        // A sealed one is called what it was called when it was sealed, wherever it is.
+        let called = seal.as_ref().map_or(&entry, |seal| &seal.manifest.sweep);
         let about = About {
-            sweep_id: entry.id.clone(),
-            name: entry.name.clone(),
-            submitted_at: entry.created_at.clone(),
+            sweep_id: called.id.clone(),
+            name: called.name.clone(),
+            submitted_at: called.created_at.clone(),
         };
         let dataset = match netcdf::gather(archive, &layouts, &about) {
             Ok(dataset) => Some(dataset),

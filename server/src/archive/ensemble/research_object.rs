@@ -190,8 +190,11 @@ fn people(manifest: &Manifest) -> Vec<Value> {
     let authors = manifest.seal.iter().flat_map(|seal| &seal.form.authors);
     let mut entities = Vec::new();
     for author in authors {
-        let mut person =
-            json!({ "@id": person_id(author), "@type": "Person", "name": author.name });
+        let (kind, name) = match author.organisation() {
+            Some(name) => ("Organization", name),
+            None => ("Person", author.name.as_str()),
+        };
+        let mut person = json!({ "@id": person_id(author), "@type": kind, "name": name });
         if let Some(place) = &author.affiliation {
             let id = format!("#organisation-{}", slug(place));
             person["affiliation"] = json!({ "@id": id });
