@@ -109,23 +109,29 @@ pub async fn take_out_damaged(
     damaged: &[(String, String)],
 ) -> sqlx::Result<TakenOutOfFiles> {
     let mut homes: BTreeSet<(i64, i64)> = BTreeSet::new();
+    let mut sealed: BTreeSet<(i64, i64)> = BTreeSet::new();
     let mut taken_out = TakenOutOfFiles::default();
     for (path, _) in damaged {
-        if catalogue::is_sealed_file(connection, path).await? {
+        let is_sealed = catalogue::is_sealed_file(connection, path).await?;
+        if is_sealed {
             taken_out.sealed.push(path.clone());
-            continue;
         }
         for (sweep, chunk, guests) in rows_of_homes(connection, path).await? {
-            if !homes.insert((sweep, chunk)) {
+            let seen = if is_sealed { &mut sealed } else { &mut homes };
+            if !seen.insert((sweep, chunk)) {
                 continue;
             }
-            for guest in guests {
+            // Others that took runs over from a sealed sweep have theirs solved again.
+            for guest in guests.into_iter().filter(|guest| !is_sealed || *guest != sweep) {
                 let which = catalogue::Which::Home(sweep, chunk);
                 let taken = catalogue::take_out(connection, guest, which).await?;
                 taken_out.lost.push(Lost { sweep: guest, taken });
             }
         }
     }
+    let mut sweeps: Vec<i64> = sealed.into_iter().map(|(sweep, _)| sweep).collect();
+    sweeps.dedup();
+    catalogue::set_damaged(connection, &sweeps).await?;
     for (sweep, chunk) in homes {
         catalogue::drop_home(connection, sweep, chunk).await?;
     }

@@ -147,6 +147,8 @@ fn a_damaged_sealed_file_is_told_and_not_solved_again() {
     let id = server.submit(&melt_sweep(3));
     server.wait(&id);
     seal(&server, &id);
+    let guest = server.submit(&melt_sweep(3));
+    assert_eq!(server.wait(&guest)["reused"], 3);
     assert!(server.terminate());
     let files = std::fs::read_dir(data.path().join("archive").join(&id)).expect("a folder");
     let file =
@@ -158,8 +160,17 @@ fn a_damaged_sealed_file_is_told_and_not_solved_again() {
     let text = String::from_utf8_lossy(&told.stdout).into_owned();
     assert_eq!(told.status.code(), Some(1), "{text}");
     assert!(text.contains("it is sealed and is not solved again"), "{text}");
+    // Who took its runs over gets them solved again, and so does whoever asks for them now.
+    let server = Server::start("serve", data.path(), &[]);
+    assert_eq!(server.wait(&guest)["reused"], 0);
+    let csv = |id: &str| server.get(&format!("/api/v1/sweeps/{id}/runs.csv"));
+    assert_eq!((csv(&guest).status, csv(&id).status), (200, 500));
+    assert!(server.terminate());
     std::fs::write(&file, &whole).expect("a backup");
-    assert!(melange(&["verify", "--data", path], "").status.success());
+    assert!(melange(&["verify", "--repair", "--data", path], "").status.success());
+    let server = Server::start("serve", data.path(), &[]);
+    assert_eq!(server.get(&format!("/api/v1/sweeps/{id}/runs.csv")).status, 200);
+    assert!(server.terminate());
     let listed =
         String::from_utf8_lossy(&melange(&["sweeps", "--data", path], "").stdout).into_owned();
     assert!(listed.contains("3 converged"), "{listed}");

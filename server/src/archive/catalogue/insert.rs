@@ -156,6 +156,7 @@ pub async fn adopt(
         "INSERT INTO runs (sweep, chunk, run_index, axis_1, axis_2, axis_3, axis_4, {KEPT}{numbers}) \
          SELECT $1, $2, $3, {}, {KEPT}{numbers} FROM runs \
          WHERE run_id = $4 AND (status <> 'failed' OR (home_sweep = $1 AND home_chunk = $2)) \
+         AND {READABLE} \
          ORDER BY home_sweep DESC, home_chunk DESC LIMIT 1 \
          RETURNING status, home_sweep, home_chunk",
         axis_values.join(", ")
@@ -224,15 +225,18 @@ impl Homes {
     }
 }
 
+/// Of runs whose home is no sealed sweep with a damaged file.
+const READABLE: &str = "home_sweep NOT IN (SELECT sweep FROM seals WHERE is_damaged = 1)";
+
 /// Which of these ids have a result in the archive that did not fail.
 pub async fn known(connection: &mut Connection, ids: &[String]) -> sqlx::Result<HashSet<String>> {
     /// Ids per statement.
     const IDS: usize = 500;
     let mut found = HashSet::new();
     for ids in ids.chunks(IDS) {
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "SELECT run_id FROM runs WHERE status <> 'failed' AND run_id IN (",
-        );
+        let mut query =
+            QueryBuilder::<Sqlite>::new("SELECT run_id FROM runs WHERE status <> 'failed' AND ");
+        query.push(READABLE).push(" AND run_id IN (");
         let mut list = query.separated(", ");
         for id in ids {
             list.push_bind(id);

@@ -33,7 +33,7 @@ pub use nearest::{Near, nearest};
 pub use place::{Layout, Listed, Piece, Place, id_number, layout, layout_by_run, mark, parts};
 pub use seals::{
     Home, SealedTables, StoredSeal, Stretch, gather_in, homes_of, insert_seal, is_sealed_file,
-    sealed_as, starts_of, stored_seal,
+    sealed_as, set_damaged, starts_of, stored_seal,
 };
 pub use solved::{
     Address, address, addresses, chunks_of, entries, insert_solved, places_of, tells_provenance,

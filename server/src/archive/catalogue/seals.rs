@@ -89,6 +89,20 @@ pub async fn is_sealed_file(connection: &mut Connection, path: &str) -> sqlx::Re
     Ok(found.is_some())
 }
 
+/// Says which sealed sweeps have a damaged file: these and no others.
+pub async fn set_damaged(connection: &mut Connection, sweeps: &[i64]) -> sqlx::Result<()> {
+    sqlx::query("UPDATE seals SET is_damaged = 0 WHERE is_damaged = 1")
+        .execute(&mut *connection)
+        .await?;
+    for sweep in sweeps {
+        sqlx::query("UPDATE seals SET is_damaged = 1 WHERE sweep = $1")
+            .bind(sweep)
+            .execute(&mut *connection)
+            .await?;
+    }
+    Ok(())
+}
+
 /// Id of the sweep that was sealed with a content hash; the first one if there are several.
 pub async fn sealed_as(connection: &mut Connection, hash: &str) -> sqlx::Result<Option<String>> {
     sqlx::query_scalar(
