@@ -20,6 +20,7 @@ mod people;
 mod reading;
 mod reproduction;
 mod rest;
+mod returning;
 mod scenarios;
 mod sealing;
 mod sensitivities;
