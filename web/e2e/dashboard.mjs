@@ -1,27 +1,12 @@
 // A person's way through the dashboard in a real browser, against a running service that holds the
 // demo's sweep. Usage: node dashboard.mjs URL [folder for screenshots]. Prints what it saw as JSON.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
-import { chromium } from "playwright-core";
+import { start, withoutViolations } from "./browser.mjs";
 
 const [url, folder] = process.argv.slice(2);
 assert.ok(url, "usage: node dashboard.mjs URL [folder]");
-const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
-const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-  args: [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-  ],
-});
+const browser = await start();
 try {
   const seen = {};
   for (const colorScheme of ["dark", "light"]) {
@@ -60,9 +45,7 @@ try {
     await page.getByText("thickness 0").waitFor();
     if (folder) await page.screenshot({ path: `${folder}/dashboard-${colorScheme}.png`, fullPage: true });
 
-    await page.evaluate(axeSource);
-    const { violations } = await page.evaluate("axe.run()");
-    assert.deepEqual(violations.map((v) => `${v.id}: ${v.nodes[0]?.html}`), []);
+    await withoutViolations(page);
 
     // A filter that is wrong is marked where it is wrong; one that is right finds.
     const find = page.getByRole("searchbox", { name: "Find" });
@@ -70,9 +53,7 @@ try {
     await find.press("Enter");
     await page.getByRole("alert").filter({ hasText: "character 19" }).waitFor();
     assert.equal(await page.locator(".refused mark").textContent(), "c");
-    await page.evaluate(axeSource);
-    const refused = await page.evaluate("axe.run()");
-    assert.deepEqual(refused.violations.map((v) => `${v.id}: ${v.nodes[0]?.html}`), []);
+    await withoutViolations(page);
     await find.fill("total > 1000");
     await find.press("Enter");
     await page.getByRole("status").filter({ hasText: "0 ensembles found" }).waitFor();

@@ -2,28 +2,13 @@
 // finds, tags and compares, may not cancel, seals their own and exports it; a second, empty service takes
 // it in. Usage: node journey.mjs URL TOKEN EMPTY_URL FOLDER [screenshots]. Prints what it saw as JSON.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { join } from "node:path";
-import { chromium } from "playwright-core";
+import { start, withoutViolations } from "./browser.mjs";
 
 const [url, adminToken, emptyUrl, folder, screenshots] = process.argv.slice(2);
 assert.ok(folder, "usage: node journey.mjs URL TOKEN EMPTY_URL FOLDER [screenshots]");
-const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
-const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-  args: [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-  ],
-});
+const browser = await start();
 
 async function open(address) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 1100 } });
@@ -43,12 +28,6 @@ async function enter(token) {
   await page.getByRole("button", { name: "Log in" }).click();
   await page.getByRole("button", { name: "Log out" }).waitFor();
   return page;
-}
-
-async function withoutViolations(page) {
-  await page.evaluate(axeSource);
-  const { violations } = await page.evaluate("axe.run()");
-  assert.deepEqual(violations.map((v) => `${v.id}: ${v.nodes[0]?.html}`), []);
 }
 
 async function invite(page, name) {

@@ -36,6 +36,10 @@ pub struct SolvedRun {
     pub outcome: Outcome,
 }
 
+/// What to do about a file that is damaged or missing, at the end of a sentence about it.
+pub const REPAIR: &str =
+    "; `melange verify --repair` has its runs solved again, unless they are sealed";
+
 /// What can go wrong with the archive.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
@@ -61,9 +65,7 @@ pub enum ArchiveError {
         source: parquet::errors::ParquetError,
     },
     /// A file's bytes are not those that were written.
-    #[error(
-        "the archive's file {path} is damaged: {difference}; `melange verify --repair` solves its runs again"
-    )]
+    #[error("the archive's file {path} is damaged: {difference}{REPAIR}")]
     Damaged {
         /// Which.
         path: String,

@@ -1,7 +1,7 @@
 //! What a chunk solved, back from its files with every stored number and all that it takes to solve it again.
 
 use super::ArchiveError;
-use super::catalogue::{Entry, Place};
+use super::catalogue::{Entry, Place, TEXT_COLUMNS};
 use super::provenance;
 use super::read;
 use super::schema::Kind;
@@ -90,15 +90,6 @@ impl Recalled {
     /// What a run's row says beside the numbers of its result: how it ended and what it was asked. Columns that
     /// are younger than the file are left out.
     pub fn description(&self, run_id: &str) -> Vec<(&'static str, Value)> {
-        const TEXTS: [&str; 7] = [
-            "status",
-            "detail",
-            "regime",
-            "upstream_closure",
-            "root_evidence",
-            "validity",
-            "grid_convergence",
-        ];
         let Some(row) = self.rows(Kind::Runs, run_id) else { return Vec::new() };
         let text = |name: &'static str| {
             let column = row.column_by_name(name)?.as_string_opt::<i32>()?;
@@ -110,7 +101,7 @@ impl Recalled {
             let real = || column.as_primitive_opt::<Float64Type>().map(|c| c.value(0).into());
             Some((name, whole.or_else(real)?))
         };
-        let texts = TEXTS.into_iter().filter_map(text);
+        let texts = TEXT_COLUMNS.into_iter().filter_map(text);
         texts.chain(PARAMETERS.iter().filter_map(|info| number(info.name))).collect()
     }
 

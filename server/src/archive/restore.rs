@@ -1,6 +1,7 @@
 //! A data directory made of a backup. Nothing of the backup is believed before the copy of it has been compared
 //! with its manifest, its catalogue and its hashes; the backup itself is only read, and not by SQLite.
 
+use super::REPAIR;
 use super::backup::{Copied, Manifest};
 use super::catalogue::{self, Listed};
 use super::files;
@@ -154,8 +155,7 @@ fn copy_files(from: &Path, to: &Path, listed: &[Listed]) -> anyhow::Result<()> {
 /// What is wrong, a sentence each. Advice to repair it is for data directories.
 fn damage(findings: &Findings) -> Vec<String> {
     let files = findings.damaged.iter().chain(&findings.unreadable);
-    let advice = "; `melange verify --repair` solves its runs again";
-    let mut damage: Vec<String> = files.map(|(_, sentence)| sentence.replace(advice, "")).collect();
+    let mut damage: Vec<String> = files.map(|(_, sentence)| sentence.replace(REPAIR, "")).collect();
     damage.extend(findings.contradictions.iter().cloned());
     damage
 }

@@ -57,12 +57,16 @@ async fn admit(service: &Service, mut request: Request) -> Result<Request, Probl
     };
     // A page cannot make a browser send a bearer's token, as it can cookies; but where there are no people any
     // token is as good as none.
+    let is_guarded = is_guarded(request.uri().path());
+    if is_safe && !is_guarded {
+        return Ok(request);
+    }
     let is_peopled = service.has_people().await?;
     let has_token = is_operator || (is_peopled && matches!(shown, Shown::Token(_)));
     if !is_safe && !has_token {
         same_site(headers)?;
     }
-    if !is_guarded(request.uri().path()) {
+    if !is_guarded {
         return Ok(request);
     }
     let actor = match (is_operator, is_peopled) {

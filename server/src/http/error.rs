@@ -2,8 +2,8 @@
 //! be read and 422 when it says what is not permitted; causes of inner errors are logged, not leaked.
 
 use super::request;
-use crate::archive::ArchiveError;
 use crate::archive::ensemble::ImportError;
+use crate::archive::{ArchiveError, REPAIR};
 use crate::domain::person::Forbidden;
 use crate::domain::refusal::Refusal;
 use crate::people::Unfit;
@@ -254,9 +254,7 @@ impl From<ArchiveError> for Problem {
                         Self::storage("the data directory cannot be read or written")
                     }
                     io::ErrorKind::NotFound => {
-                        let sentence = format!(
-                            "the archive's file {path} is missing; `melange verify --repair` solves its runs again"
-                        );
+                        let sentence = format!("the archive's file {path} is missing{REPAIR}");
                         Self::new(StatusCode::INTERNAL_SERVER_ERROR, Refusal::sentence(sentence))
                     }
                     _ => Self::inner(&error),

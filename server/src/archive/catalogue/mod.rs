@@ -51,7 +51,7 @@ use sqlx::{Row, sqlite::SqliteRow};
 use utoipa::ToSchema;
 
 /// Columns of the runs that are neither parameters nor scalars.
-const TEXT_COLUMNS: [&str; 8] = [
+pub const TEXT_COLUMNS: [&str; 8] = [
     "run_id",
     "status",
     "detail",

@@ -1,0 +1,29 @@
+// The distribution's Chromium, headless and without anything it would do by itself; and axe-core for its pages.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { chromium } from "playwright-core";
+
+const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+
+export const start = () =>
+  chromium.launch({
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    args: [
+      "--headless",
+      "--no-sandbox",
+      "--disable-gpu",
+      "--disable-quic",
+      "--no-first-run",
+      "--disable-background-networking",
+      "--disable-component-update",
+      "--disable-sync",
+    ],
+  });
+
+/** The page as it is has no violations of accessibility. */
+export async function withoutViolations(page) {
+  await page.evaluate(axeSource);
+  const { violations } = await page.evaluate("axe.run()");
+  assert.deepEqual(violations.map((v) => `${v.id}: ${v.nodes[0]?.html}`), []);
+}
