@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
-/// What the dashboard is made of, below `web/`.
-const DASHBOARD: [&str; 7] = [
+/// What the dashboard is made of, below `web/`; its client is made from the description of the interface.
+const DASHBOARD: [&str; 8] = [
     "src",
+    "../docs/openapi.json",
     "index.html",
     "package.json",
     "package-lock.json",

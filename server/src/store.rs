@@ -30,6 +30,7 @@ pub struct Store {
     ends: watch::Sender<u64>,
     files: Arc<RwLock<()>>,
     pairs: Arc<Semaphore>,
+    long: Arc<Semaphore>,
 }
 
 /// Two transactions that read at the same time, and the turn to have two.
@@ -46,6 +47,8 @@ pub struct Pair {
 const BUSY: Duration = Duration::from_secs(10);
 /// Connections for reading.
 const READERS: u32 = 8;
+/// How many of them may be taken by what reads all runs of a sweep.
+const LONG_READS: usize = 3;
 /// Pages that a connection keeps in memory, as SQLite counts: minus KiB. The one that writes has indices of
 /// random order to keep up; those that read have the system's cache behind them.
 const WRITER_CACHE_KIB: &str = "-65536";
@@ -53,6 +56,9 @@ const WRITER_CACHE_KIB: &str = "-65536";
 /// pages of indices that every commit touches are copied once for many commits.
 const CHECKPOINT_PAGES: &str = "16384";
 const READER_CACHE_KIB: &str = "-8192";
+/// Rows that a connection's thread reads ahead of who takes them: so that columns of a hundred thousand runs do not
+/// have two threads wake each other thousands of times.
+const ROWS_AHEAD: usize = 1024;
 /// Name of the database in a data directory.
 pub const DATABASE: &str = "melange.sqlite";
 /// Name of the lock in a data directory.
@@ -120,6 +126,7 @@ impl Store {
             ends: watch::Sender::new(0),
             files: Arc::default(),
             pairs: Arc::new(Semaphore::new(READERS as usize / 2)),
+            long: Arc::new(Semaphore::new(LONG_READS)),
         })
     }
 
@@ -154,6 +161,12 @@ impl Store {
         let turn = self.pairs.clone().acquire_owned().await;
         let _turn = turn.map_err(|_| sqlx::Error::PoolClosed)?;
         Ok(Pair { one: self.read().await?, other: self.read().await?, _turn })
+    }
+
+    /// A turn to read very many rows, to be had before the transaction: who waits for one holds no connection, so
+    /// that some are left for short requests. Held until what was read is dealt with, it bounds the memory too.
+    pub async fn long_read(&self) -> sqlx::Result<OwnedSemaphorePermit> {
+        self.long.clone().acquire_owned().await.map_err(|_| sqlx::Error::PoolClosed)
     }
 
     /// Counts commits, for whoever waits for a change.
@@ -389,6 +402,7 @@ fn options(directory: &Path) -> SqliteConnectOptions {
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
         .busy_timeout(BUSY)
+        .row_buffer_size(ROWS_AHEAD)
         .pragma("cache_size", READER_CACHE_KIB)
 }
 

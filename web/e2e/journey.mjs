@@ -13,7 +13,6 @@ const browser = await start();
 async function open(address) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 1100 } });
   const page = await context.newPage();
-  page.on("dialog", (d) => void d.accept());
   page.on("pageerror", (e) => assert.fail(String(e)));
   page.on("console", (m) => {
     if (m.text().includes("Content Security Policy")) assert.fail(m.text());
@@ -21,6 +20,9 @@ async function open(address) {
   await page.goto(address);
   return page;
 }
+
+const overview = (page) => page.getByRole("navigation", { name: "Panels" }).getByRole("link", { name: "Overview" }).click();
+const listed = (page, name) => page.getByRole("region", { name: "Ensembles" }).getByRole("link", { name });
 
 async function enter(token) {
   const page = await open(url);
@@ -38,11 +40,14 @@ async function invite(page, name) {
 }
 
 async function solve(page, name, from, points) {
+  // Where there is no ensemble yet, the page says where to begin; the bar always does.
+  await page.getByRole("link", { name: "New sweep" }).click();
   await page.getByLabel("Name", { exact: true }).fill(name);
-  await page.getByLabel("From").fill(String(from));
-  await page.getByLabel("Points").fill(String(points));
+  await page.getByLabel("From", { exact: true }).fill(String(from));
+  await page.getByLabel("Points", { exact: true }).fill(String(points));
+  await page.getByRole("button", { name: "Dry run" }).click();
   await page.getByRole("button", { name: `Solve ${points} runs` }).click();
-  await page.getByRole("heading", { name }).waitFor();
+  await page.getByRole("heading", { name, level: 2, exact: true }).waitFor();
   await page.getByText(`${points} converged`).first().waitFor({ timeout: 60_000 });
   await page.getByText("Runs used").locator("xpath=../dd").filter({ hasText: String(points) }).waitFor();
 }
@@ -76,35 +81,45 @@ try {
   await cy.getByLabel("Find").fill('owner = "bo" and converged = 5');
   await cy.getByLabel("Find").press("Enter");
   await cy.getByText("1 ensemble found.").waitFor();
-  await cy.getByRole("button", { name: /melt of bo/ }).click();
-  await cy.getByRole("heading", { name: "melt of bo" }).waitFor();
+  await listed(cy, "melt of bo").click();
+  await cy.getByRole("heading", { name: "melt of bo", level: 2, exact: true }).waitFor();
+  await overview(cy);
   await cy.getByText("Only its owner and an admin may change it.").waitFor();
   for (const name of ["Delete", "Cancel", "Pause"]) {
     assert.equal(await cy.getByRole("button", { name, exact: true }).count(), 0, name);
   }
   await cy.getByLabel("More tags").fill("paper, checked");
-  await cy.getByRole("button", { name: "Save tags" }).click();
-  await cy.locator(".tag").filter({ hasText: "checked" }).waitFor();
+  await cy.getByRole("button", { name: "Add tags" }).click();
+  await cy.locator(".entry .tag").filter({ hasText: "checked" }).waitFor();
+  assert.equal(await cy.getByRole("button", { name: "Remove the tag checked" }).count(), 0, "others take no tags away");
   await cy.getByLabel("Find").fill('tag = "paper"');
   await cy.getByLabel("Find").press("Enter");
   await cy.getByText("1 ensemble found.").waitFor();
   await cy.getByLabel("Find").fill("");
   await cy.getByLabel("Find").press("Enter");
-  await cy.getByRole("button", { name: /melt of cy/ }).click();
-  await cy.getByRole("heading", { name: "melt of cy" }).waitFor();
+  await listed(cy, "melt of cy").click();
+  await cy.getByRole("heading", { name: "melt of cy", level: 2, exact: true }).waitFor();
+  await overview(cy);
+  await cy.getByRole("main").getByRole("link", { name: "Compare" }).click();
   await cy.getByRole("combobox", { name: /^Compare with/ }).selectOption({ label: "melt of bo, bo" });
   seen.comparison = await cy.getByTestId("comparison").textContent();
+  if (screenshots) await cy.screenshot({ path: join(screenshots, "compare.png"), fullPage: true });
+  await listed(cy, "melt of cy").click();
+  await cy.getByTestId("exponent").waitFor();
+  seen.exponent = await cy.getByTestId("exponent").textContent();
 
+  await overview(cy);
   await cy.getByText("Seal", { exact: true }).click();
   await cy.getByLabel("Title").fill("Melt & force, by cy");
   await cy.getByLabel("Author", { exact: true }).fill("Cy Tester");
   await cy.getByLabel("ORCID of the author").fill("0000-0002-1825-0097");
   await cy.getByRole("button", { name: "Seal for good" }).click();
+  await withoutViolations(cy);
+  await cy.getByRole("dialog").getByRole("button", { name: "Seal it for good" }).click();
   await cy.getByRole("heading", { name: "Sealed" }).waitFor();
   seen.citation = await cy.getByTestId("citation").textContent();
-  assert.equal(await cy.getByLabel("Tags, with commas between").count(), 0, "a sealed one keeps its tags");
+  assert.equal(await cy.getByLabel("More tags").count(), 0, "a sealed one keeps its tags");
   assert.equal(await cy.getByRole("button", { name: "Delete" }).count(), 0, "and stays");
-  seen.exponent = await cy.getByTestId("exponent").textContent();
   await withoutViolations(cy);
   if (screenshots) await cy.screenshot({ path: join(screenshots, "sealed.png"), fullPage: true });
   const [download] = await Promise.all([
@@ -116,12 +131,14 @@ try {
   await cy.context().close();
 
   const other = await open(emptyUrl);
-  await other.getByText("Import", { exact: true }).first().click();
+  await other.getByRole("link", { name: "Import an archive" }).click();
+  await withoutViolations(other);
   await other.getByLabel("Archive of an export").setInputFiles(archive);
   await other.getByRole("button", { name: "Import" }).click();
-  await other.getByRole("heading", { name: "melt of cy" }).waitFor();
+  await other.getByRole("heading", { name: "melt of cy", level: 2, exact: true }).waitFor();
   await other.getByText("Runs used").locator("xpath=../dd").filter({ hasText: "9" }).waitFor();
   assert.equal(await other.getByTestId("exponent").textContent(), seen.exponent);
+  await overview(other);
   assert.equal(await other.getByTestId("citation").textContent(), seen.citation);
   await other.context().close();
   console.log(JSON.stringify(seen));

@@ -20,6 +20,7 @@ pub mod reuse;
 pub mod schema;
 pub mod splice;
 pub mod start;
+pub mod states;
 pub mod upload;
 pub mod verify;
 

@@ -79,33 +79,14 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
         Some(place) => Some(series(archive, place, run_id)?),
         None => None,
     };
-    let text = |name: &str| entry.row.text(name).to_owned();
-    let regime = text("regime");
     let curve: Vec<CurveRow> = long_rows(archive, entry, Kind::Branches)?;
     let curve = Some(curve).filter(|rows| !rows.is_empty());
-    let (branch, fold_curve) = if regime == Regime::FoldCurve.name() {
+    let (branch, fold_curve) = if entry.row.text("regime") == Regime::FoldCurve.name() {
         (None, curve.map(FoldCurve))
     } else {
         (curve.map(BranchCurve), None)
     };
     Ok(Outcome {
-        status: Status::from_name(entry.row.text("status")).ok_or_else(|| {
-            ArchiveError::Status { run_id: run_id.to_owned(), status: text("status") }
-        })?,
-        detail: text("detail"),
-        parameters: EffectiveParameters(entry.parameters),
-        regime,
-        upstream_closure: text("upstream_closure"),
-        scalars: entry.scalars,
-        iterations: entry.row.whole("iterations").unwrap_or_default(),
-        attempts: entry.row.whole("attempts").unwrap_or(1),
-        residual_history: entry.residual_history.clone(),
-        root_evidence: Some(text("root_evidence")).filter(|t| !t.is_empty()),
-        validity: Some(text("validity")).filter(|t| !t.is_empty()),
-        grid_convergence: Some(text("grid_convergence")).filter(|t| !t.is_empty()),
-        grid_error: None,
-        transects: Vec::new(),
-        provenance: None,
         profile,
         series,
         states,
@@ -116,6 +97,39 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
             .map(Calibrated),
         sensitivities: long_rows(archive, entry, Kind::Sensitivities)?,
         discrete_roots: long_rows(archive, entry, Kind::Roots)?,
+        ..without_tables(entry)?
+    })
+}
+
+/// The result of a run, but for its tables: nothing is read from files.
+pub fn without_tables(entry: &Entry) -> Result<Outcome, ArchiveError> {
+    let text = |name: &str| entry.row.text(name).to_owned();
+    Ok(Outcome {
+        status: Status::from_name(entry.row.text("status")).ok_or_else(|| {
+            ArchiveError::Status { run_id: text("run_id"), status: text("status") }
+        })?,
+        detail: text("detail"),
+        parameters: EffectiveParameters(entry.parameters),
+        regime: text("regime"),
+        upstream_closure: text("upstream_closure"),
+        scalars: entry.scalars,
+        iterations: entry.row.whole("iterations").unwrap_or_default(),
+        attempts: entry.row.whole("attempts").unwrap_or(1),
+        residual_history: entry.residual_history.clone(),
+        root_evidence: Some(text("root_evidence")).filter(|t| !t.is_empty()),
+        validity: Some(text("validity")).filter(|t| !t.is_empty()),
+        grid_convergence: Some(text("grid_convergence")).filter(|t| !t.is_empty()),
+        grid_error: None,
+        profile: None,
+        series: None,
+        states: None,
+        branch: None,
+        fold_curve: None,
+        calibration: None,
+        sensitivities: Vec::new(),
+        discrete_roots: Vec::new(),
+        transects: Vec::new(),
+        provenance: None,
     })
 }
 
@@ -145,17 +159,23 @@ fn profiles(archive: &Path, place: &Place, run_id: &str) -> Result<Vec<StateRow>
         let times: &Float64Array = column(&batch, path, "time_a")?;
         let requested: &BooleanArray = column(&batch, path, "requested")?;
         for row in (0..batch.num_rows()).filter(|row| ids.value(*row) == run_id) {
-            let mut profile = Profile::default();
-            for info in &PROFILE {
-                let lists: &arrow_array::ListArray = column(&batch, path, info.name)?;
-                let values = lists.value(row);
-                (info.set)(&mut profile, values.as_primitive::<Float64Type>().values().to_vec());
-            }
+            let profile = profile(&batch, row, path)?;
             let time_a = times.is_valid(row).then(|| times.value(row));
             found.push((time_a, requested.value(row), profile));
         }
     }
     Ok(found)
+}
+
+/// The state of a row of the table of profiles.
+pub fn profile(batch: &RecordBatch, row: usize, path: &str) -> Result<Profile, ArchiveError> {
+    let mut profile = Profile::default();
+    for info in &PROFILE {
+        let lists: &arrow_array::ListArray = column(batch, path, info.name)?;
+        let values = lists.value(row);
+        (info.set)(&mut profile, values.as_primitive::<Float64Type>().values().to_vec());
+    }
+    Ok(profile)
 }
 
 fn series(archive: &Path, place: &Place, run_id: &str) -> Result<Series, ArchiveError> {

@@ -158,7 +158,7 @@ pub async fn nearest(arguments: &NearestArguments) -> anyhow::Result<ExitCode> {
 }
 
 /// Prints a line; whoever reads may have heard enough.
-fn print(line: &str) -> std::io::Result<()> {
+pub fn print(line: &str) -> std::io::Result<()> {
     match writeln!(std::io::stdout().lock(), "{line}") {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         done => done,
@@ -203,7 +203,7 @@ fn line(item: &RunRow, names: &[String], axes: &[String]) -> String {
 }
 
 /// A number with as many digits as its precision says.
-struct Significant(f64);
+pub struct Significant(pub f64);
 
 impl std::fmt::Display for Significant {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

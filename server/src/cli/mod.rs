@@ -10,6 +10,7 @@ pub mod find;
 pub mod foreign;
 pub mod health;
 pub mod import;
+pub mod indices;
 pub mod plot;
 pub mod reach;
 pub mod reproduce;
@@ -66,6 +67,8 @@ enum Command {
     Runs(find::RunsArguments),
     /// List the stored runs nearest to given parameters.
     Nearest(find::NearestArguments),
+    /// Tell which parameter makes how much of a result's variance, of a sweep drawn for that.
+    Indices(indices::Arguments),
     /// Add tags to a sweep, or take some away.
     Tag(edit::TagArguments),
     /// Give a sweep a note in Markdown.
@@ -130,6 +133,7 @@ pub async fn main() -> anyhow::Result<ExitCode> {
         Command::Sweeps(arguments) => verbs::list(&arguments).await,
         Command::Runs(arguments) => find::runs(&arguments).await,
         Command::Nearest(arguments) => find::nearest(&arguments).await,
+        Command::Indices(arguments) => indices::main(&arguments).await,
         Command::Tag(arguments) => edit::tag(&arguments).await,
         Command::Note(arguments) => edit::note(&arguments).await,
         Command::Pause(arguments) => verbs::main(&arguments, Verb::Pause).await,

@@ -8,14 +8,15 @@ use crate::client::{Client, Refused};
 use crate::domain::document::Document;
 use crate::domain::person::Actor;
 use crate::domain::refusal::Refusal;
+use crate::domain::status::SweepState;
 use crate::domain::sweep::{Limits, SweepSpec};
 use crate::faults::Faults;
 use crate::http::Service;
 use crate::http::submit::{dry_run, with_table};
-use crate::queue::{self, Submission};
+use crate::queue::{self, Submission, SweepRow};
 use crate::store::Store;
 use crate::worker::Workers;
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -74,9 +75,9 @@ pub async fn main(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         println!("{}", serde_json::to_string(&told)?);
         return Ok(ExitCode::SUCCESS);
     }
-    let told = solve(&store, &sweep, workers, found).await?;
+    let told = solve(&store, &sweep, workers, found).await;
     store.close().await;
-    println!("{told}");
+    println!("{}", told?);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -108,8 +109,6 @@ async fn solve(
     threads: usize,
     found: usize,
 ) -> anyhow::Result<Value> {
-    let wake = Arc::new(Notify::new());
-    let workers = Workers::new(store.clone(), threads, wake, Faults::default()).await?;
     let submission = Submission {
         workers: threads,
         found,
@@ -117,23 +116,49 @@ async fn solve(
         ..Submission::default()
     };
     let id = queue::enqueue(store, sweep, submission).await?.id;
+    let rows = work_off(store, std::slice::from_ref(&id), threads).await?;
+    let row = rows.first().context("the sweep is gone from the data directory")?;
+    Ok(json!({ "id": id, "counts": row.counts, "reused": row.reused }))
+}
+
+/// Works until all runs of some queued sweeps have ended, and tells how.
+pub async fn work_off(
+    store: &Store,
+    ids: &[String],
+    threads: usize,
+) -> anyhow::Result<Vec<SweepRow>> {
+    let wake = Arc::new(Notify::new());
+    let workers = Workers::new(store.clone(), threads, wake, Faults::default()).await?;
     let stop = CancellationToken::new();
     let working = tokio::spawn(workers.work(stop.clone()));
-    let bar = bar(sweep.count() as u64)?;
-    let row = loop {
-        let row = queue::sweep_in_brief(&mut *store.read().await?, &id)
-            .await?
-            .context("the sweep is gone from the data directory")?;
-        bar.set_position(row.counts.ended() as u64);
-        if row.counts.ended() == row.counts.total {
-            break row;
-        }
-        tokio::time::sleep(LOOK_EVERY).await;
-    };
-    bar.finish();
+    let rows = watch(store, ids).await;
     stop.cancel();
     working.await.context("the workers broke off")?;
-    Ok(json!({ "id": id, "counts": row.counts, "reused": row.reused }))
+    rows
+}
+
+/// Draws a bar until all runs of some sweeps have ended.
+async fn watch(store: &Store, ids: &[String]) -> anyhow::Result<Vec<SweepRow>> {
+    let bar = bar(0)?;
+    loop {
+        let mut rows = Vec::with_capacity(ids.len());
+        for id in ids {
+            let row = queue::sweep_in_brief(&mut *store.read().await?, id).await?;
+            rows.push(row.context("the sweep is gone from the data directory")?);
+        }
+        let sum = |count: fn(&SweepRow) -> i64| rows.iter().map(count).sum::<i64>();
+        let (ended, total) = (sum(|row| row.counts.ended()), sum(|row| row.counts.total));
+        bar.set_length(total as u64);
+        bar.set_position(ended as u64);
+        if ended == total {
+            bar.finish();
+            return Ok(rows);
+        }
+        if let Some(row) = rows.iter().find(|row| row.state() == SweepState::Paused) {
+            bail!("the sweep `{}` is paused: `melange resume {}` first", row.name, row.id);
+        }
+        tokio::time::sleep(LOOK_EVERY).await;
+    }
 }
 
 /// Has a sweep solved by the service that holds the data directory, and watches.

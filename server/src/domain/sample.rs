@@ -14,13 +14,16 @@ use std::fmt;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
+mod saltelli;
+pub use saltelli::Design;
+
 /// Points drawn from ranges. The order in which the ranges are written does not matter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SampleForm {
     /// How they are drawn.
     pub method: Method,
-    /// Number of points.
+    /// Number of points; of a design of Saltelli's, of base points, each of which is d + 2 runs in d parameters.
     pub n: u64,
     /// Another seed gives other points; 0 if not given.
     #[serde(default)]
@@ -42,6 +45,10 @@ pub enum Method {
     Uniform,
     /// Independent points, every range logarithmic.
     LogUniform,
+    /// Saltelli's design, of which sensitivity indices are made: n base points of Sobol's sequence, each with d + 2
+    /// runs in d parameters. With A and B from the sequence's first and last d coordinates, these are A, then for
+    /// each parameter in alphabetical order A with that parameter from B, then B.
+    Saltelli,
 }
 
 impl Method {
@@ -52,6 +59,7 @@ impl Method {
             Self::LatinHypercube => "latin_hypercube",
             Self::Uniform => "uniform",
             Self::LogUniform => "log_uniform",
+            Self::Saltelli => "saltelli",
         }
     }
 }
@@ -74,8 +82,26 @@ const JITTER_BITS: u32 = 28;
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
 impl SampleForm {
-    /// Number of points.
+    /// Number of points that it makes, each a run.
     pub fn count(&self) -> usize {
+        match self.method {
+            Method::Saltelli => saltelli::runs(self.drawn(), self.ranges.0.len()),
+            _ => self.drawn(),
+        }
+    }
+
+    /// Which n are permitted where a sweep has at most so many runs.
+    pub fn permitted(&self, most: usize) -> String {
+        match self.method {
+            Method::Saltelli => {
+                let each = saltelli::runs(1, self.ranges.0.len());
+                format!("at most {most} runs, and each base point is {each} of them")
+            }
+            _ => format!("at most {most} runs"),
+        }
+    }
+
+    fn drawn(&self) -> usize {
         usize::try_from(self.n).unwrap_or(usize::MAX)
     }
 
@@ -98,6 +124,7 @@ impl SampleForm {
             return Err(Refusal::value("sample.ranges", none, "at least one parameter's range"));
         }
         let directions = match self.method {
+            Method::Saltelli => return saltelli::columns(self, &ranges),
             Method::Sobol => directions(ranges.len()),
             _ => vec![Vec::new(); ranges.len()],
         };
@@ -114,11 +141,9 @@ impl SampleForm {
         name: &str,
         directions: &'a [u64],
     ) -> Box<dyn Iterator<Item = f64> + 'a> {
-        let n = self.count();
+        let n = self.drawn();
         match self.method {
-            Method::Sobol => {
-                Box::new(shifted_sobol(n, self.stream("shift", name).bits(), directions))
-            }
+            Method::Sobol | Method::Saltelli => Box::new(self.shifted("shift", name, directions)),
             Method::LatinHypercube => Box::new(self.stratified(name)),
             Method::Uniform | Method::LogUniform => {
                 let mut stream = self.stream("point", name);
@@ -129,9 +154,19 @@ impl SampleForm {
         }
     }
 
+    /// Sobol's sequence in one dimension, with a shift of its own by purpose and name.
+    fn shifted<'a>(
+        &self,
+        purpose: &str,
+        name: &str,
+        directions: &'a [u64],
+    ) -> impl Iterator<Item = f64> + use<'a> {
+        shifted_sobol(self.drawn(), self.stream(purpose, name).bits(), directions)
+    }
+
     /// One number in each of n strata of equal width, in random order and at a random place of each.
     fn stratified(&self, name: &str) -> impl Iterator<Item = f64> + use<> {
-        let n = self.count();
+        let n = self.drawn();
         let mut order = self.stream("order", name);
         let mut strata: Vec<(u64, u32)> = (0..n as u32).map(|i| (order.bits(), i)).collect();
         strata.sort_unstable();

@@ -95,7 +95,9 @@ impl Document {
             Ok(())
         };
         if let Some(sample) = &self.sample {
-            check("sample.n", sample.count())?;
+            if sample.count() > most {
+                return Err(Refusal::value("sample.n", sample.n, sample.permitted(most)));
+            }
             return Ok(vec![sample.columns()?]);
         }
         if let Some(table) = &self.table {

@@ -175,6 +175,20 @@ impl Steps {
         }
     }
 
+    /// The time whose forcing is in force in the state of a time. A step that was divided, having no solution as a
+    /// whole, and is lagged is taken as a whole one.
+    pub fn forced_at_a(&self, time_a: f64, is_lagged: bool) -> f64 {
+        let Stepping::Fixed { dt_a, .. } = self.stepping else { return time_a };
+        let step = (time_a / dt_a).round();
+        if step * dt_a != time_a {
+            // It ended within a step.
+            return if is_lagged { (time_a / dt_a).floor() * dt_a } else { time_a };
+        }
+        // As the solver adds them up.
+        let from_a = (step - 1.0).max(0.0) * dt_a;
+        if is_lagged || step == 0.0 { from_a } else { from_a + dt_a }
+    }
+
     /// Rows of the series; an estimate where every controlled step has one.
     pub fn rows(&self) -> usize {
         match &self.series_at {

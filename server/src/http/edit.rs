@@ -60,6 +60,8 @@ pub async fn apply(store: &Store, actor: &Actor, id: &str, edit: &Edit) -> Resul
         people::audit(&mut tx, &actor.name, "edit", id, Some(&edit.sentence())).await?;
     }
     let row = queue::sweep(&mut tx, id).await?;
+    let row = row.ok_or_else(|| Problem::not_found("sweep", id))?;
+    let sweep = Sweep::brief(&mut tx, row).await?;
     tx.commit().await?;
-    Sweep::whole(row.ok_or_else(|| Problem::not_found("sweep", id))?).await
+    sweep.whole().await
 }

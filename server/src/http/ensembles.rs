@@ -94,7 +94,9 @@ pub async fn close(
     })
     .await?;
     done?;
-    Ok(Sweep::from(found(&mut *store.read().await?, id).await?))
+    let mut tx = store.read().await?;
+    let row = found(&mut tx, id).await?;
+    Ok(Sweep::brief(&mut tx, row).await?)
 }
 
 /// Those files that the catalogue does not list; none if it cannot be asked: a commit that failed may have
@@ -232,5 +234,6 @@ pub async fn resolve(
     let mut tx = service.store.read().await?;
     let id = catalogue::sealed_as(&mut tx, &hash).await?;
     let id = id.ok_or_else(|| Problem::not_found("sealed ensemble", &hash))?;
-    Ok(Json(found(&mut tx, &id).await?.into()))
+    let row = found(&mut tx, &id).await?;
+    Ok(Json(Sweep::brief(&mut tx, row).await?))
 }

@@ -2,6 +2,7 @@
 //! not the workers.
 
 pub mod access;
+pub mod columns;
 pub mod dashboard;
 pub mod dictionary;
 pub mod download;
@@ -10,14 +11,19 @@ pub mod ensembles;
 pub mod error;
 pub mod events;
 pub mod extract;
+pub mod failures;
 pub mod find;
 pub mod foreign;
+pub mod indices;
+pub mod laws;
 pub mod metrics;
 pub mod openapi;
 pub mod patience;
 pub mod people;
 pub mod request;
 pub mod runs;
+pub mod season;
+pub mod states;
 pub mod submit;
 pub mod sweeps;
 pub mod tables;
@@ -39,6 +45,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
+use tower_http::CompressionLevel;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{DefaultPredicate, NotForContentType, Predicate};
@@ -139,7 +146,8 @@ pub fn router(service: Service) -> Router {
         .with_state(service)
         .merge(SwaggerUi::new("/api/v1/docs").url("/api/v1/docs/openapi.json", api))
         .layer(DefaultBodyLimit::max(most_read))
-        .layer(CompressionLayer::new().compress_when(compressed))
+        // Fast: columns of a hundred thousand runs are packed while somebody waits for their picture.
+        .layer(CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(compressed))
         .layer(map_response(download::weaken))
         .layer(map_response(dashboard::fence))
         .layer(CatchPanicLayer::custom(|_: Box<dyn std::any::Any + Send>| Problem::broken()))
@@ -160,7 +168,11 @@ fn documented() -> OpenApiRouter<Service> {
             .routes(routes!(people::audit))
             .routes(routes!(submit::submit, sweeps::list))
             .routes(routes!(sweeps::one, verbs::delete, edit::change))
-            .routes(routes!(sweeps::fit))
+            .routes(routes!(indices::of_sweep))
+            .routes(routes!(laws::fit))
+            .routes(routes!(laws::laws))
+            .routes(routes!(columns::columns))
+            .routes(routes!(failures::failures))
             .routes(routes!(verbs::verb))
             .routes(routes!(ensembles::seal))
             .routes(routes!(ensembles::citation))
@@ -190,7 +202,10 @@ fn documented() -> OpenApiRouter<Service> {
             .routes(routes!(tables::roots_parquet))
             .routes(routes!(tables::roots_csv))
             .routes(routes!(tables::ensemble))
-            .routes(routes!(runs::one)),
+            .routes(routes!(runs::one))
+            .routes(routes!(states::transects))
+            .routes(routes!(states::profiles))
+            .routes(routes!(season::season)),
     )
 }
 

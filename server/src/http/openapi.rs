@@ -29,7 +29,8 @@ pub fn complete(mut api: OpenApi, is_guarded: impl Fn(&str) -> bool) -> OpenApi 
     components.security_schemes.insert("session".into(), SecurityScheme::ApiKey(cookie).into());
     for (path, item) in &mut api.paths.paths {
         let guarded = is_guarded(path);
-        for operation in operations(item) {
+        for (method, operation) in operations(item) {
+            operation.operation_id = Some(name_of(method, path));
             problems_as_such(operation);
             let more = BY_GUARDED.iter().filter(|_| guarded || path.ends_with("/session"));
             for (status, description) in BY_ALL.iter().chain(more) {
@@ -62,17 +63,28 @@ fn problems_as_such(operation: &mut Operation) {
     }
 }
 
-fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
+fn operations(item: &mut PathItem) -> impl Iterator<Item = (&'static str, &mut Operation)> {
     [
-        &mut item.get,
-        &mut item.head,
-        &mut item.post,
-        &mut item.put,
-        &mut item.patch,
-        &mut item.delete,
+        ("get", &mut item.get),
+        ("head", &mut item.head),
+        ("post", &mut item.post),
+        ("put", &mut item.put),
+        ("patch", &mut item.patch),
+        ("delete", &mut item.delete),
     ]
     .into_iter()
-    .filter_map(Option::as_mut)
+    .filter_map(|(method, operation)| Some((method, operation.as_mut()?)))
+}
+
+/// Name of a call, which clients made from the description go by: `get_sweeps_id_runs_csv`. Names of handlers alone
+/// would stand several times.
+fn name_of(method: &str, path: &str) -> String {
+    let path = path.trim_start_matches("/api/v1");
+    let words = path.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+    std::iter::once(method)
+        .chain(words.filter(|word| !word.is_empty()))
+        .collect::<Vec<_>>()
+        .join("_")
 }
 
 fn problem(description: &str) -> RefOr<Response> {

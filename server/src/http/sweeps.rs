@@ -1,9 +1,8 @@
-//! Sweeps over REST: list, look at, fit.
+//! Sweeps over REST: list, look at.
 
 use super::Service;
 use super::error::Problem;
 use super::extract::{Asked, NothingAsked, Place};
-use crate::analysis::{self, Fit, Law, NoFit};
 use crate::archive::catalogue;
 use crate::domain::document::Document;
 use crate::domain::filter::{Comparison, Filter, Literal, Resolved};
@@ -12,7 +11,7 @@ use crate::domain::note;
 use crate::domain::refusal::Refusal;
 use crate::domain::seal::Seal;
 use crate::domain::status::{Counts, SweepState};
-use crate::queue::{self, Imported, SweepRow};
+use crate::queue::{self, Imported, SweepRow, Varied};
 use crate::store::Connection;
 use axum::Json;
 use axum::extract::State;
@@ -48,6 +47,13 @@ pub struct Sweep {
     sealed: Option<Seal>,
     /// Where it came from; null if it was submitted here.
     imported: Option<Imported>,
+    /// Bytes of the Parquet files that hold what it solved, of a file with other rows too the share of its rows.
+    /// Runs that it took over from other sweeps lie in the files of those and do not count. Changes once more when its
+    /// files are put together, shortly after its end.
+    bytes: i64,
+    /// Parameters that differ among its runs, those not ended included, in the order of their names. Empty also for
+    /// an older sweep of which no ranges are stored.
+    varies: Vec<Varied>,
     /// What was submitted.
     #[schema(value_type = Document)]
     spec: Box<RawValue>,
@@ -55,8 +61,8 @@ pub struct Sweep {
     spec_is_cut: bool,
 }
 
-impl From<SweepRow> for Sweep {
-    fn from(row: SweepRow) -> Self {
+impl Sweep {
+    fn of(row: SweepRow, bytes: i64, varies: Vec<Varied>) -> Self {
         Self {
             state: row.state(),
             // It was written by this service; what is not JSON is shown as nothing.
@@ -76,25 +82,44 @@ impl From<SweepRow> for Sweep {
             deleted_at: row.trashed_ms.map(rfc3339),
             sealed: row.seal,
             imported: row.imported,
+            bytes,
+            varies,
         }
+    }
+
+    /// Sweeps as they are listed, with what else is stored of them: a query of each kind for all of them.
+    pub async fn all(connection: &mut Connection, rows: Vec<SweepRow>) -> sqlx::Result<Vec<Self>> {
+        let numbers: Vec<i64> = rows.iter().map(|row| row.number).collect();
+        let mut bytes = catalogue::bytes_of(connection, &numbers).await?;
+        let mut varied = queue::varied(connection, &numbers).await?;
+        let sweep = |row: SweepRow| {
+            let number = row.number;
+            let bytes = bytes.remove(&number).unwrap_or_default();
+            Self::of(row, bytes, varied.remove(&number).unwrap_or_default())
+        };
+        Ok(rows.into_iter().map(sweep).collect())
+    }
+
+    /// A sweep as it is listed.
+    pub async fn brief(connection: &mut Connection, row: SweepRow) -> sqlx::Result<Self> {
+        let bytes = catalogue::bytes_of(connection, &[row.number]).await?.remove(&row.number);
+        let varied = queue::varied(connection, &[row.number]).await?.remove(&row.number);
+        Ok(Self::of(row, bytes.unwrap_or_default(), varied.unwrap_or_default()))
+    }
+
+    /// A sweep that is told whole, with its note as HTML.
+    pub async fn whole(mut self) -> Result<Self, Problem> {
+        if let Some(markdown) = self.note.clone() {
+            let html = tokio::task::spawn_blocking(move || note::html(&markdown)).await?;
+            self.note_html = Some(html);
+        }
+        Ok(self)
     }
 }
 
 fn rfc3339(ms: i64) -> String {
     let since = Duration::from_millis(u64::try_from(ms).unwrap_or_default());
     humantime::format_rfc3339_millis(SystemTime::UNIX_EPOCH + since).to_string()
-}
-
-impl Sweep {
-    /// A sweep that is told whole, with its note as HTML.
-    pub async fn whole(row: SweepRow) -> Result<Self, Problem> {
-        let mut sweep = Self::from(row);
-        if let Some(markdown) = sweep.note.clone() {
-            let html = tokio::task::spawn_blocking(move || note::html(&markdown)).await?;
-            sweep.note_html = Some(html);
-        }
-        Ok(sweep)
-    }
 }
 
 /// A page of a list.
@@ -203,7 +228,7 @@ pub async fn page(connection: &mut Connection, listing: &Listing) -> Result<Page
     };
     let next =
         Some(offset.saturating_add(limit)).filter(|next| *next < total).map(|n| n.to_string());
-    Ok(Page::new(rows.into_iter().map(Sweep::from).collect(), next, total))
+    Ok(Page::new(Sweep::all(connection, rows).await?, next, total))
 }
 
 /// One sweep.
@@ -216,53 +241,10 @@ pub async fn one(
     Place(id): Place<String>,
     _: NothingAsked,
 ) -> Result<Json<Sweep>, Problem> {
-    let row = queue::sweep(&mut *service.store.read().await?, &id).await?;
-    let row = row.ok_or_else(|| Problem::not_found("sweep", &id))?;
-    Ok(Json(Sweep::whole(row).await?))
-}
-
-/// What is fitted.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub struct FitQuery {
-    /// Parameter or scalar on the abscissa.
-    x: String,
-    /// Parameter or scalar on the ordinate.
-    y: String,
-    /// The law; a power law if not given.
-    #[serde(default)]
-    model: Law,
-}
-
-/// Fit a law to a sweep's runs.
-#[utoipa::path(
-    get, path = "/sweeps/{id}/fit", params(("id" = String, Path,), FitQuery),
-    responses(
-        (status = 200, body = Fit), (status = 400, body = Problem), (status = 404, body = Problem),
-        (status = 409, body = Problem), (status = 422, body = Problem),
-    )
-)]
-pub async fn fit(
-    State(service): State<Service>,
-    Place(id): Place<String>,
-    Asked(query): Asked<FitQuery>,
-) -> Result<Json<Fit>, Problem> {
-    for (field, name) in [("x", &query.x), ("y", &query.y)] {
-        if !catalogue::is_number(name) {
-            return Err(Refusal::value(
-                field,
-                name.as_str(),
-                "a parameter or a number of the result",
-            )
-            .into());
-        }
-    }
     let mut tx = service.store.read().await?;
-    let row = queue::sweep_in_brief(&mut tx, &id).await?;
+    let row = queue::sweep(&mut tx, &id).await?;
     let row = row.ok_or_else(|| Problem::not_found("sweep", &id))?;
-    let runs = catalogue::pairs(&mut tx, row.number, &query.x, &query.y).await?;
+    let sweep = Sweep::brief(&mut tx, row).await?;
     drop(tx);
-    let fitted = tokio::task::spawn_blocking(move || analysis::fit(query.model, &runs)).await?;
-    fitted.map(Json).map_err(|e: NoFit| Problem::conflict(e.to_string()))
+    Ok(Json(sweep.whole().await?))
 }

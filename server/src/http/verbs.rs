@@ -68,11 +68,13 @@ pub async fn act(store: &Store, actor: &Actor, id: &str, verb: Verb) -> Result<S
         queue::check_quota(&mut tx, owner, 0, 0).await?;
     }
     let row = queue::sweep_in_brief(&mut tx, id).await?;
+    let row = row.ok_or_else(|| Problem::not_found("sweep", id))?;
+    let sweep = Sweep::brief(&mut tx, row).await?;
     tx.commit().await?;
     if verb == Verb::Cancel {
         store.revoke();
     }
-    row.map(Sweep::from).ok_or_else(|| Problem::not_found("sweep", id))
+    Ok(sweep)
 }
 
 /// How a sweep is deleted.

@@ -4,10 +4,13 @@ use super::look::SWEEPS;
 use crate::domain::filter::Filter;
 use crate::domain::found::SweepFacts;
 use crate::domain::parameters::PARAMETERS;
+use crate::domain::same::same;
 use crate::domain::status::{Counts, Phase};
 use crate::store::Connection;
+use serde::Serialize;
 use sqlx::{QueryBuilder, Row, Sqlite};
 use std::collections::HashMap;
+use utoipa::ToSchema;
 
 /// What there is to know of all sweeps, from the newest to the oldest: their notes only if a filter asks for
 /// them, and the ranges of the parameters that it asks for or that are named.
@@ -71,6 +74,50 @@ pub async fn facts(
     Ok(rows.iter().map(fact).collect())
 }
 
+/// A parameter that differs among a sweep's runs.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct Varied {
+    /// Its name.
+    pub parameter: String,
+    /// The least value among all runs of the sweep, also those that have not ended.
+    pub min: f64,
+    /// The greatest one.
+    pub max: f64,
+}
+
+/// The parameters that differ among the runs of these sweeps by more than rounding, by the sweep's number, in the order of their names. A
+/// sweep without stored ranges has none here.
+pub async fn varied(
+    connection: &mut Connection,
+    sweeps: &[i64],
+) -> sqlx::Result<HashMap<i64, Vec<Varied>>> {
+    let mut varied: HashMap<i64, Vec<Varied>> = HashMap::new();
+    if sweeps.is_empty() {
+        return Ok(varied);
+    }
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "SELECT sweep, parameter, low, high FROM sweep_ranges WHERE low < high AND parameter IN (",
+    );
+    let mut list = query.separated(", ");
+    PARAMETERS.iter().for_each(|parameter| {
+        list.push_bind(parameter.name);
+    });
+    query.push(") AND sweep IN (");
+    let mut list = query.separated(", ");
+    sweeps.iter().for_each(|sweep| {
+        list.push_bind(*sweep);
+    });
+    query.push(") ORDER BY parameter");
+    for row in query.build().fetch_all(connection).await? {
+        let (min, max) = (row.get("low"), row.get("high"));
+        if !same(min, max) {
+            let parameter = row.get("parameter");
+            varied.entry(row.get("sweep")).or_default().push(Varied { parameter, min, max });
+        }
+    }
+    Ok(varied)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,6 +171,11 @@ mod tests {
         }
         pool.close().await;
         let store = Store::open(folder.path()).await.expect("it is brought up to date");
+        // What differs by rounding does not vary.
+        let mut tx = store.write().await.expect("a transaction");
+        let rounded = "UPDATE sweep_ranges SET low = 9009.999999999998, high = 9010 WHERE parameter = 'd_m' AND sweep = 1";
+        sqlx::query(rounded).execute(&mut *tx).await.expect("it fits");
+        tx.commit().await.expect("it commits");
         let mut tx = store.read().await.expect("a transaction");
         let facts = facts(&mut tx, None, &["b", "A", "n_cells"]).await.expect("it reads");
         let regimes: Vec<_> = facts.iter().map(|facts| facts.regime.as_deref()).collect();
@@ -133,5 +185,8 @@ mod tests {
         assert_eq!(facts[1].range("A"), Some((0.5, 0.5)));
         assert_eq!(facts[1].range("n_cells"), Some((50.0, 50.0)));
         assert_eq!(facts[1].range("d_m"), None, "it was not asked for");
+        let varied = varied(&mut tx, &[1, 2]).await.expect("it reads");
+        let of_b = Varied { parameter: "b".into(), min: 100.0, max: 102.0 };
+        assert_eq!(varied, HashMap::from([(1, vec![of_b])]));
     }
 }

@@ -15,7 +15,7 @@ mod verbs;
 
 pub use admit::{Admission, admit, is_id_free};
 pub use edit::edit;
-pub use find::facts;
+pub use find::{Varied, facts, varied};
 pub use lease::{Lease, LeaseLost, finish, give_back, holds, lease, measured, reclaim, take};
 pub use look::{
     Imported, SweepRow, Which, depth, document, health, numbered, pace, seconds_per_unit, sweep,

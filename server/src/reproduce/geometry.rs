@@ -68,7 +68,7 @@ pub fn part() -> Result<Part, Broken> {
 }
 
 /// F, or another number, over a parameter.
-fn over(law: Law, cases: &[Case], parameter: &str, number: fn(&Case) -> f64) -> Fit {
+pub fn over(law: Law, cases: &[Case], parameter: &str, number: fn(&Case) -> f64) -> Fit {
     let info = melange_solver::params::info(parameter).expect("a parameter's name");
     fit(law, cases.iter().map(|c| ((info.get)(c.model.parameters()), number(c))))
 }

@@ -1,13 +1,17 @@
-//! The paper's experiments, run again with its settings: each of its claims beside what comes out, the
-//! data of its figures, and what this solver's own choices do to the numbers. Knows the solver and the
-//! fits; knows no queue, archive or transport, and writes no file but its tables where it is told to.
+//! The paper's experiments, run again with its settings: each of its claims beside what comes out, its figures
+//! and their data, and what this solver's own choices do to the numbers. Knows the solver and the fits; knows no
+//! queue, archive or transport: figures are drawn of runs that are handed over. Writes no file but where it is
+//! told to.
 //!
 //! The paper is Amundson, Robel, Burton and Nissanka (The Cryosphere 19, 19–35, 2025).
 
 mod case;
 mod choices;
 mod closures;
+mod document;
+pub mod experiments;
 mod geometry;
+pub mod pictures;
 mod rest;
 mod rheology;
 mod season;
@@ -16,6 +20,8 @@ mod table;
 
 use melange_solver::error::SolveError;
 use melange_solver::params::{ParameterError, Parameters};
+pub use melange_solver::state::State;
+use pictures::Picture;
 use serde::{Serialize, Serializer};
 use std::fmt::Write;
 use std::path::Path;
@@ -131,21 +137,15 @@ pub fn reproduce() -> Result<Report, Broken> {
     Ok(report)
 }
 
-/// How [`Report::as_markdown`] begins.
-const PREFACE: &str = "\
-# The paper's claims, run again
-
-Written by `melange reproduce --format markdown`; a test keeps it so. `melange reproduce --out DIR` also writes the figures' data as CSV.
-
-The paper is Amundson, Robel, Burton and Nissanka ([The Cryosphere 19, 19–35, 2025](https://doi.org/10.5194/tc-19-19-2025)). Every run has the
-paper's settings, its grid (N = 50) and the closure of its figures, `published`. A claim is judged by the numbers beside it alone.
-";
-
 impl Report {
-    /// Writes the document, the figures' data and the tables into a folder, which is made if need be.
-    pub fn write(&self, folder: &Path) -> std::io::Result<()> {
-        std::fs::create_dir_all(folder)?;
+    /// Writes the document, its pictures, the figures' data and the tables into a folder, which is made if need be.
+    pub fn write(&self, folder: &Path, pictures: &[Picture]) -> std::io::Result<()> {
+        std::fs::create_dir_all(folder.join(pictures::FOLDER))?;
         std::fs::write(folder.join("reproduction.md"), self.as_markdown())?;
+        for picture in pictures {
+            let path = folder.join(pictures::FOLDER).join(picture.figure.file());
+            std::fs::write(path, &picture.svg)?;
+        }
         for table in self.figures.iter().chain(&self.tables) {
             table.write_csv(std::fs::File::create(folder.join(format!("{}.csv", table.name)))?)?;
         }
@@ -171,27 +171,6 @@ impl Report {
         }
         for table in &self.tables {
             write!(text, "\n{}\n\n{}", table.caption, table.as_text()).expect("memory");
-        }
-        text
-    }
-
-    /// As the document in `docs/`.
-    pub fn as_markdown(&self) -> String {
-        let mut text = format!("{PREFACE}\n**{}**\n\n", self.tally());
-        text += "| where | what the paper says | what comes out | verdict |\n|---|---|---|---|\n";
-        for claim in &self.claims {
-            let verdict = if claim.holds {
-                verdict(true).to_owned()
-            } else {
-                format!("**{}**: {}", verdict(false), claim.if_not)
-            };
-            let Claim { place, paper, .. } = claim;
-            writeln!(text, "| {place} | {paper} | {} | {verdict} |", claim.found())
-                .expect("memory");
-        }
-        for table in &self.tables {
-            write!(text, "\n## {}\n\n{}\n\n{}", table.title, table.caption, table.as_markdown())
-                .expect("memory");
         }
         text
     }

@@ -15,19 +15,19 @@ use rayon::prelude::*;
 use std::ops::ControlFlow;
 
 /// Tolerance of the steps to rest.
-const TOLERANCE: f64 = 1e-4;
+pub const TOLERANCE: f64 = 1e-4;
 /// Time to come to rest, a. After 5 a nothing changes any more in four digits; after 15 a a grid of 50
 /// cells begins to drift, which the table shows.
-const DURATION_A: f64 = 10.0;
+pub const DURATION_A: f64 = 10.0;
 /// Times kept on the way, a.
-const KEPT_A: [f64; 7] = [0.0, 0.25, 0.5, 1.0, 2.0, 5.0, DURATION_A];
+pub const KEPT_A: [f64; 7] = [0.0, 0.25, 0.5, 1.0, 2.0, 5.0, DURATION_A];
 /// How long the drift is watched, a.
 const WATCHED_A: f64 = 100.0;
 /// Grids whose drift is watched.
 const GRIDS: [f64; 3] = [50.0, 100.0, 200.0];
 
 /// Places of Fig. 2e, as fractions χ of the length.
-const FRACTIONS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+pub const FRACTIONS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 /// Runs Fig. 2.
 pub fn part() -> Result<Part, Broken> {

@@ -1,8 +1,8 @@
 //! One run of Fig. 7: melt or calving swings through the year from a steady state, and the force follows.
 
 use super::Broken;
-use super::case::{self, Case, failed, fit, largest, least};
-use crate::analysis::Law;
+use super::case::{self, Case, failed, largest, least};
+use crate::analysis::season::{Sense, Track, correlation};
 use melange_solver::forcing::{Course, Forcing};
 use melange_solver::observe::Moment;
 use melange_solver::params::Parameters;
@@ -18,9 +18,11 @@ const MELT_SWING_M_PER_DAY: f64 = 0.2;
 /// Swing of the calving rate, as a share of it.
 const CALVING_SWING: f64 = 0.1;
 /// Duration, a.
-const DURATION_A: f64 = 3.0;
+pub const DURATION_A: f64 = 3.0;
+/// Period, a.
+pub const PERIOD_A: f64 = 1.0;
 /// The scripts' step, a.
-const STEP_A: f64 = 0.01;
+pub const STEP_A: f64 = 0.01;
 /// Tolerance of the controlled steps.
 const TOLERANCE: f64 = 1e-4;
 /// Times at which controlled runs are kept, by the year.
@@ -101,13 +103,8 @@ pub fn run(start: &Case, swing: Swing, steps: Steps) -> Result<Season, Broken> {
         Steps::Controlled => "controlled",
     };
     let name = format!("{what}, {} m/d, {how}", p.melt_rate_m_per_day);
-    let (parameter, mean, amplitude) = match swing {
-        Swing::Calving => {
-            ("calving_rate_m_per_a", p.calving_rate_m_per_a, CALVING_SWING * p.calving_rate_m_per_a)
-        }
-        _ => ("melt_rate_m_per_day", p.melt_rate_m_per_day, MELT_SWING_M_PER_DAY),
-    };
-    let course = Course::Sinusoid { mean, amplitude, period_a: 1.0, phase_a: 0.0 };
+    let (parameter, mean, amplitude) = swung(swing, p.melt_rate_m_per_day, p.calving_rate_m_per_a);
+    let course = Course::Sinusoid { mean, amplitude, period_a: PERIOD_A, phase_a: 0.0 };
     let forcing = Forcing::new(vec![(parameter.to_owned(), course)]).expect("a course in range");
     let law = CalvingLaw::steady_feedback(p.calving_rate_m_per_a, start.force_n_per_m());
     let kept = (0..=(DURATION_A as usize * KEPT_PER_A)).map(|k| k as f64 / KEPT_PER_A as f64);
@@ -143,6 +140,16 @@ pub fn run(start: &Case, swing: Swing, steps: Steps) -> Result<Season, Broken> {
     Ok(Season { name, swing, steps, start, samples })
 }
 
+/// The parameter that swings, its mean and its amplitude.
+pub fn swung(swing: Swing, melt_m_per_day: f64, calving_m_per_a: f64) -> (&'static str, f64, f64) {
+    match swing {
+        Swing::Calving => {
+            ("calving_rate_m_per_a", calving_m_per_a, CALVING_SWING * calving_m_per_a)
+        }
+        _ => ("melt_rate_m_per_day", melt_m_per_day, MELT_SWING_M_PER_DAY),
+    }
+}
+
 impl Sample {
     fn new(time_a: f64, p: &Parameters, s: &State) -> Self {
         Self {
@@ -165,28 +172,19 @@ impl Season {
         self.samples.iter().filter(|s| s.time_a >= DURATION_A - 1.0 - 1e-9)
     }
 
-    /// When the force has its extreme after the forcing's at `forced_a`: the largest for `sign` = 1, the
-    /// smallest for −1. By the parabola through the extreme sample and its neighbours.
-    fn response_a(&self, forced_a: f64, sign: f64) -> f64 {
-        let near: Vec<&Sample> =
-            self.samples.iter().filter(|s| (-0.25..0.5).contains(&(s.time_a - forced_a))).collect();
-        let value = |i: usize| sign * near[i].force_n_per_m;
-        let at = (1..near.len() - 1)
-            .max_by(|a, b| value(*a).total_cmp(&value(*b)))
-            .expect("a swing has samples");
-        let (left_a, middle_a, right_a) =
-            (near[at - 1].time_a, near[at].time_a, near[at + 1].time_a);
-        let rising = (value(at) - value(at - 1)) / (middle_a - left_a);
-        let falling = (value(at + 1) - value(at)) / (right_a - middle_a);
-        let bend = (falling - rising) / (right_a - left_a);
-        0.5 * (left_a + middle_a) - 0.5 * rising / bend
-    }
-
     /// Lags of the force behind the swing upward and behind the swing downward, a. More melt makes the
     /// force less, more calving makes it more.
     pub fn lags_a(&self) -> [f64; 2] {
-        let sign = if self.swing == Swing::Calving { 1.0 } else { -1.0 };
-        [self.response_a(HIGH_A, sign) - HIGH_A, self.response_a(LOW_A, -sign) - LOW_A]
+        let sense = if self.swing == Swing::Calving { Sense::With } else { Sense::Against };
+        let force = Track {
+            time: self.samples.iter().map(|s| s.time_a).collect(),
+            value: self.samples.iter().map(|s| s.force_n_per_m).collect(),
+        };
+        let lag = |forced_a: f64, sign: f64| {
+            let extreme_a = force.extreme(forced_a, PERIOD_A, sign);
+            extreme_a.expect("a swing has its extremes") - forced_a
+        };
+        [lag(HIGH_A, sense.sign()), lag(LOW_A, -sense.sign())]
     }
 
     /// Their mean, a.
@@ -207,11 +205,9 @@ impl Season {
 
     /// Correlation of two numbers over the last year.
     pub fn correlation(&self, x: fn(&Sample) -> f64, y: fn(&Sample) -> f64) -> f64 {
-        let line = |a: fn(&Sample) -> f64, b: fn(&Sample) -> f64| {
-            fit(Law::Linear, self.last_year().map(|s| (a(s), b(s))))
-        };
-        let line = line(x, y);
-        line.r_squared.sqrt() * line.exponent.estimate.signum()
+        let (x, y): (Vec<f64>, Vec<f64>) = self.last_year().map(|s| (x(s), y(s))).unzip();
+        // The samples are evenly spaced.
+        correlation(&vec![1.0; x.len()], &x, &y).expect("both swing")
     }
 
     /// How often the force goes round its start in the plane of ln H₀ and ln F in the last year.

@@ -9,7 +9,7 @@ use crate::analysis::Law;
 use rayon::prelude::*;
 
 /// Mean melt rates of Fig. 7, m d⁻¹, smallest melt and largest mélange first.
-const MELT_M_PER_DAY: [f64; 3] = [0.6, 0.7, 0.8];
+pub const MELT_M_PER_DAY: [f64; 3] = [0.6, 0.7, 0.8];
 /// Runs Figs. 7 and 8.
 pub fn part() -> Result<Part, Broken> {
     let starts = case::all_steady(&case::along("melt_rate_m_per_day", &MELT_M_PER_DAY))?;

@@ -6,11 +6,12 @@ use crate::domain::curve::{BranchCurve, CurveRow, FoldCurve};
 use crate::domain::discrete_root::RootRow;
 use crate::domain::document::Regime;
 use crate::domain::outcome::{
-    EffectiveParameters, GridErrorDetail, GridQuantity, Outcome, Scalars, TransectProfile,
+    EffectiveParameters, GridErrorDetail, GridQuantity, Outcome, Scalars,
 };
 use crate::domain::run::RunSpec;
 use crate::domain::sensitivity::SensitivityRow;
 use crate::domain::status::Status;
+use crate::domain::stored_state::transect_profile;
 use melange_solver::Model;
 use melange_solver::diagnose::{
     Budget, Caveat, cfl_time_step_a, inertial_number, strain_rates_per_a,
@@ -18,7 +19,6 @@ use melange_solver::diagnose::{
 use melange_solver::force;
 use melange_solver::grid_error::{Convergence, GridError};
 use melange_solver::state::State;
-use melange_solver::transect::transect;
 
 /// What a solve came to.
 pub struct Ended {
@@ -175,19 +175,6 @@ fn scalars(run: &RunSpec, model: &Model, ended: &Ended, s: &State) -> Scalars {
 /// Whether the state of a result is a steady one.
 fn is_steady(regime: Regime) -> bool {
     matches!(regime, Regime::Steady | Regime::Branch | Regime::FoldCurve | Regime::Calibration)
-}
-
-fn transect_profile(model: &Model, s: &State, terminus_x_m: f64, chi: f64) -> TransectProfile {
-    let t = transect(model, s, terminus_x_m, chi);
-    TransectProfile {
-        chi: t.chi,
-        x_m: t.x_m,
-        width_m: t.width_m,
-        mu_w: t.mu_w.abs(),
-        y_m: t.y_m,
-        velocity_m_per_a: t.velocity_m_per_a,
-        fluidity_per_a: t.fluidity_per_a,
-    }
 }
 
 fn grid_error_detail(told: &GridError) -> GridErrorDetail {

@@ -2,7 +2,7 @@
 
 use super::given::Given;
 use super::{Medium, Sink};
-use crate::params::{GRAVITY, ICE_DENSITY, WATER_DENSITY};
+use crate::params::{GRAVITY, ICE_DENSITY, Parameters, WATER_DENSITY};
 use crate::state::{State, Var};
 
 /// Longitudinal stress H²ε̇/(g + ε̇) of a cell (C3) and its slopes.
@@ -87,4 +87,25 @@ pub fn residual<S: Sink>(m: &Medium, s: &State, out: &mut S) {
     out.residual(Var::U(n), s.velocity_m_per_a[n] - s.velocity_m_per_a[n - 1]);
     out.slope(Var::U(n), Var::U(n), 1.0);
     out.slope(Var::U(n), Var::U(n - 1), -1.0);
+}
+
+/// The sign of μ_w at each node of a state of which |μ_w| is known: 1 or −1. Friction takes what Eq. 21
+/// leaves of the stresses, also where the ice sticks to the walls and no speed tells its sign. At the
+/// terminus it is that of ū₀ = U₀ + U_t − U_c, with U_c by Eq. 22; at the end, that of the node before, whose
+/// velocity is the same by Eq. 23.
+pub fn friction_signs(p: &Parameters, s: &State) -> Vec<f64> {
+    let n = s.n_cells();
+    let dx = s.dx_m();
+    let water = p.water_drag_n_per_m / (STRESS_UNIT_N_PER_M3 * s.length_m);
+    let share = 1.0 - s.thickness_0_m() / p.terminus_thickness_m;
+    let speed_0 = p.terminus_velocity_m_per_a + s.velocity_m_per_a[0] * share;
+    let mut signs = vec![1.0_f64.copysign(speed_0)];
+    for j in 1..n {
+        let (h_left, h_right) = (s.thickness_m[j - 1], s.thickness_m[j]);
+        let pull = (stress(s, j).value - stress(s, j - 1).value) / dx;
+        let slope = 0.5 * (h_left + h_right) * (h_right - h_left) / dx;
+        signs.push(1.0_f64.copysign(pull - slope - water));
+    }
+    signs.push(signs[n - 1]);
+    signs
 }

@@ -12,7 +12,7 @@ fn files(folder: &Path, endings: &[&str], found: &mut Vec<PathBuf>) {
         let path = entry.expect("an entry").path();
         let name = path.file_name().expect("a name").to_string_lossy().into_owned();
         if path.is_dir() {
-            if !["target", "node_modules", ".git", "dist"].contains(&name.as_str()) {
+            if !["target", "node_modules", ".git", "dist", "generated"].contains(&name.as_str()) {
                 files(&path, endings, found);
             }
         } else if endings.iter().any(|e| name.ends_with(e)) {
@@ -138,5 +138,29 @@ fn no_room_is_crowded_and_no_test_is_ignored() {
             assert!(lines <= CROWDED, "{name} has {lines} lines");
             assert!(!text.contains(concat!("#[", "ignore")), "{name} ignores a test");
         }
+    }
+}
+
+/// One module of the dashboard knows the plotting library, and one file sends requests.
+#[test]
+fn the_dashboard_has_one_chart_module_and_one_client() {
+    let chart = ["echarts.ts", "plane.ts", "layers.ts", "parallel.ts"];
+    for (name, text) in sources("web/src", &[".ts", ".svelte"]) {
+        let is_chart = chart.iter().any(|file| name.ends_with(&format!("src/chart/{file}")));
+        assert!(is_chart || !text.contains("from \"echarts"), "{name} knows the plotting library");
+        let is_client = name.ends_with("src/api/client.ts") || name.ends_with("src/api/index.ts");
+        assert!(is_client || !text.contains("fetch("), "{name} sends requests of its own");
+    }
+}
+
+/// A file of tests that nobody lists is never run.
+#[test]
+fn every_file_of_tests_is_listed() {
+    let main = fs::read_to_string(root().join("tests/tests/e2e/main.rs")).expect("main.rs");
+    for entry in fs::read_dir(root().join("tests/tests/e2e")).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
+        let is_listed = main.contains(&format!("mod {name};"));
+        assert!(name == "main" || is_listed, "{} is not listed in main.rs", path.display());
     }
 }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// A query with its members encoded.
-fn query(path: &str, members: &[(&str, &str)]) -> String {
+pub(crate) fn query(path: &str, members: &[(&str, &str)]) -> String {
     let encode = |text: &str| -> String {
         text.bytes()
             .map(|b| match b {

@@ -18,7 +18,8 @@ fn raw(server: &Server, request: &str) -> u16 {
     let host = server.address.trim_start_matches("http://");
     let mut stream = TcpStream::connect(host).expect("it listens");
     let request = request.replace("HOST", host);
-    stream.write_all(request.as_bytes()).expect("it reads");
+    // Who sends too much is cut off.
+    stream.write_all(request.as_bytes()).ok();
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).ok();
     let text = String::from_utf8_lossy(&answer);
@@ -60,7 +61,15 @@ fn requests_that_mean_harm_are_refused() {
     let id = admin.solve(&melt_sweep(3));
     let run = admin.json(&format!("/sweeps/{id}/runs"))["items"][0]["run_id"].clone();
     let run = run.as_str().expect("an id").to_owned();
-    let before = (admin.json("/sweeps"), admin.json("/people"));
+    let all = || {
+        let mut sweeps = admin.json("/sweeps");
+        for sweep in sweeps["items"].as_array_mut().expect("items") {
+            // Files are put together of the service's own accord.
+            sweep.as_object_mut().expect("a sweep").remove("bytes");
+        }
+        (sweeps, admin.json("/people"))
+    };
+    let before = all();
     let bearer = format!("Bearer {bo}");
     let mut sent = 0;
 
@@ -94,8 +103,10 @@ fn requests_that_mean_harm_are_refused() {
         (vec![400], "GET /api/v1/sweeps HTTP/9.9\r\n\r\n".to_owned()),
         (vec![414, 431], format!("GET /{long} {head}\r\n")),
         (
-            vec![431],
-            format!("GET /api/v1/me {head}X: {long}{long}{long}{long}{long}{long}{long}\r\n\r\n"),
+            // Cut off without an answer, since it is still sending; and well beyond what one more read after the
+            // limit could complete.
+            vec![431, 0],
+            format!("GET /api/v1/me {head}X: {}\r\n\r\n", long.repeat(20)),
         ),
         (vec![400], format!("POST /api/v1/sweeps {head}Content-Length: -5\r\n\r\n")),
         (
@@ -222,6 +233,6 @@ fn requests_that_mean_harm_are_refused() {
     }
 
     assert!(sent >= 50, "only {sent} requests were sent");
-    assert_eq!((admin.json("/sweeps"), admin.json("/people")), before, "nothing was changed");
+    assert_eq!(all(), before, "nothing was changed");
     assert!(server.terminate());
 }

@@ -413,11 +413,14 @@ fn who_does_not_read_does_not_hold_the_end_up() {
     let place = folder();
     let (data, log) = (place.path().join("data"), place.path().join("log"));
     let server = Server::start_logged(&data, &log, &["--grace-s", "1"]);
-    let _half = begin(
+    let mut half = begin(
         &server,
-        "POST /api/v1/sweeps HTTP/1.1\r\nhost: localhost\r\ncontent-length: 9\r\n\r\n{",
+        "POST /api/v1/sweeps HTTP/1.1\r\nhost: localhost\r\nexpect: 100-continue\r\ncontent-length: 9\r\n\r\n",
     );
-    assert_eq!(server.get("/health").status, 200);
+    // It asks for the body, so that it is waiting when it is told to end.
+    let told = head(&mut BufReader::new(half.try_clone().expect("a second end")));
+    assert!(told.starts_with("http/1.1 100"), "{told}");
+    half.write_all(b"{").expect("it reads");
     let begin = Instant::now();
     assert!(server.terminate(), "it ends well");
     let took = begin.elapsed();

@@ -6,8 +6,8 @@ use super::place::Listed;
 use crate::domain::status::Status;
 use crate::domain::taken_out::TakenOut;
 use crate::store::Connection;
-use sqlx::Row;
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use sqlx::{QueryBuilder, Row, Sqlite};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// Adds a file to the catalogue.
 pub async fn insert_file(connection: &mut Connection, file: &Written) -> sqlx::Result<()> {
@@ -65,6 +65,31 @@ pub async fn size(connection: &mut Connection) -> sqlx::Result<(i64, i64)> {
     sqlx::query_as("SELECT COUNT(*), COALESCE(SUM(byte_count), 0) FROM files")
         .fetch_one(connection)
         .await
+}
+
+/// Bytes of the files that hold what these sweeps solved, by their number: of a file that holds other rows too, the
+/// share of its rows. What was taken over from other sweeps is in their files and does not count.
+pub async fn bytes_of(
+    connection: &mut Connection,
+    sweeps: &[i64],
+) -> sqlx::Result<HashMap<i64, i64>> {
+    if sweeps.is_empty() {
+        return Ok(HashMap::new());
+    }
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "SELECT p.sweep, SUM(CAST(f.byte_count AS DOUBLE PRECISION) * p.row_count / f.row_count) AS bytes \
+         FROM parts p JOIN files f ON f.path = p.path WHERE f.row_count > 0 AND p.sweep IN (",
+    );
+    let mut list = query.separated(", ");
+    sweeps.iter().for_each(|sweep| {
+        list.push_bind(*sweep);
+    });
+    query.push(") GROUP BY p.sweep");
+    let rows = query.build().fetch_all(connection).await?;
+    Ok(rows
+        .iter()
+        .map(|row| (row.get("sweep"), row.get::<f64, _>("bytes").round() as i64))
+        .collect())
 }
 
 /// Files of which no part is used any more leave the catalogue; their paths.

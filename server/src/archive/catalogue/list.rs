@@ -1,4 +1,4 @@
-//! Lists of runs: pages in any order, filters, counts, pairs for fits.
+//! Lists of runs: pages in any order, filters, counts.
 
 use super::filter::{Expression, PRIMARY, Served, along, condition, index_of, served};
 use super::{RunRow, SOLVE_SECONDS, TEXT_COLUMNS, WHOLE_COLUMNS, run_row};
@@ -9,7 +9,7 @@ use crate::domain::status::Status;
 use crate::store::Connection;
 use serde::Serialize;
 use serde_json::{Value, json};
-use sqlx::{AssertSqlSafe, QueryBuilder, Row, Sqlite};
+use sqlx::{QueryBuilder, Row, Sqlite};
 use utoipa::ToSchema;
 
 /// Whether runs can be sorted or fitted by a name.
@@ -187,7 +187,7 @@ async fn way(connection: &mut Connection, listing: &Listing<'_>) -> sqlx::Result
 }
 
 /// The index of the conditions that let the fewest runs through, if those are few.
-async fn index_of_few(
+pub(super) async fn index_of_few(
     connection: &mut Connection,
     listing: &Listing<'_>,
     served: &[Served],
@@ -292,21 +292,6 @@ pub async fn count_stored(connection: &mut Connection, sweep: i64) -> sqlx::Resu
         .bind(sweep)
         .fetch_one(connection)
         .await
-}
-
-/// Status and two numbers of each of a sweep's runs, for columns that [`is_number`] knows.
-pub async fn pairs(
-    connection: &mut Connection,
-    sweep: i64,
-    x: &str,
-    y: &str,
-) -> sqlx::Result<Vec<(String, Option<f64>, Option<f64>)>> {
-    assert!(is_number(x) && is_number(y), "the caller checks the columns");
-    let sql = format!(
-        "SELECT status, CAST(\"{x}\" AS DOUBLE PRECISION), CAST(\"{y}\" AS DOUBLE PRECISION) \
-         FROM runs WHERE sweep = $1 ORDER BY run_index"
-    );
-    sqlx::query_as(AssertSqlSafe(sql)).bind(sweep).fetch_all(connection).await
 }
 
 /// The last failures of a sweep: index, id and reason.

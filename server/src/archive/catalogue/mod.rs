@@ -3,6 +3,7 @@
 
 mod across;
 mod arrivals;
+mod at;
 mod care;
 mod filter;
 mod foreign;
@@ -10,14 +11,17 @@ mod insert;
 mod list;
 mod nearest;
 mod place;
+mod results;
 mod seals;
+mod sheet;
 mod solved;
 
 pub use across::{Across, Candidate, Spot, count_across, holding, runs_across};
 pub use arrivals::{Known, imported_as, known_results, send_home};
+pub use at::runs_at;
 pub use care::{
-    Which, all_files, clear_runs, compacted, copy_database, counts, drop_home, drop_homes,
-    drop_unused_files, guests_of, insert_file, place_in, rows_of_homes, size, take_out,
+    Which, all_files, bytes_of, clear_runs, compacted, copy_database, counts, drop_home,
+    drop_homes, drop_unused_files, guests_of, insert_file, place_in, rows_of_homes, size, take_out,
     waiting_for_compaction,
 };
 pub use foreign::{
@@ -26,15 +30,16 @@ pub use foreign::{
 };
 pub use insert::{adopt, insert, is_empty, known};
 pub use list::{
-    Listing, Order, Total, count, count_stored, failures, is_column, is_number, kind_of, pairs,
-    runs,
+    Listing, Order, Total, count, count_stored, failures, is_column, is_number, kind_of, runs,
 };
 pub use nearest::{Near, nearest};
 pub use place::{Layout, Listed, Piece, Place, id_number, layout, layout_by_run, mark, parts};
+pub use results::results;
 pub use seals::{
     Home, SealedTables, StoredSeal, Stretch, gather_in, homes_of, insert_seal, is_sealed_file,
     sealed_as, set_damaged, starts_of, stored_seal,
 };
+pub use sheet::{Column, Extract, Sheet, Unsolved, sheet, sheet_rows, unsolved};
 pub use solved::{
     Address, address, addresses, chunks_of, entries, insert_solved, places_of, tells_provenance,
 };

@@ -178,8 +178,11 @@ fn the_operator_limits_what_is_laid_out() {
     let sample = |n: u64| json!({"sample": {"method": "uniform", "n": n, "ranges": {"b": [1, 2]}}});
     let axis = json!({"parameter": "b", "linspace": [1, 2, 11]});
     let rows: Vec<[f64; 1]> = (0..11).map(|i| [1e4 + f64::from(i)]).collect();
+    let design = |n: u64| json!({"sample": {"method": "saltelli", "n": n, "ranges": {"b": [1e4, 2e4], "d_m": [20, 30]}}});
     for (document, field) in [
         (steady(sample(11)), "sample.n"),
+        (steady(design(3)), "sample.n"),
+        (steady(design(u64::MAX)), "sample.n"),
         (steady(sample(u64::MAX)), "sample.n"),
         (steady(json!({"axes": [axis]})), "axes"),
         (steady(json!({"axes": [{"zip": [axis]}]})), "axes"),

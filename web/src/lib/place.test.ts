@@ -1,0 +1,23 @@
+// Addresses hold the view: what is written is read again, and what is broken does no harm.
+import { expect, test } from "vitest";
+import { readPlace, writePlace } from "./place";
+
+test("a place is read as it was written", () => {
+  const place = {
+    path: ["sweep", "01a2/ü", "laws"],
+    query: { x: "width_m", filter: 'status = "converged" and b > 1e4', with: "a:1" },
+  };
+  expect(readPlace(writePlace(place))).toEqual(place);
+  expect(readPlace(writePlace({ path: [], query: {} }))).toEqual({ path: [], query: {} });
+});
+
+test("a filter may hold question marks and ampersands", () => {
+  const place = { path: ["sweep"], query: { filter: "name ~ \"a?b&c=d#e\"" } };
+  expect(readPlace(writePlace(place))).toEqual(place);
+});
+
+test("what is no address is a place all the same", () => {
+  expect(readPlace("")).toEqual({ path: [], query: {} });
+  expect(readPlace("#%E0%A4%A")).toEqual({ path: ["%E0%A4%A"], query: {} });
+  expect(readPlace("#//sweep//1/?")).toEqual({ path: ["sweep", "1"], query: {} });
+});

@@ -1,0 +1,24 @@
+// A quantity of the interface as the page shows it: what it is called, and in which unit.
+import type { Dictionary } from "../api";
+import { words_of } from "./numbers";
+import { type Shown, type Speed, shownIn } from "./units";
+
+export interface Quantity extends Shown {
+  /** As stored. */
+  name: string;
+  words: string;
+}
+
+/** A parameter, a number of the result, or another column of the table of runs. */
+export function quantity(dictionary: Dictionary, name: string, speed: Speed): Quantity {
+  const entries = [...dictionary.parameters, ...dictionary.scalars, ...dictionary.provenance];
+  const unit = entries.find((entry) => entry.name === name)?.unit ?? "1";
+  return { name, words: words_of(name), ...shownIn(unit, speed) };
+}
+
+/** The same with a capital, for the beginning of a title. */
+export const capital = (text: string): string => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** A Python expression with its numbers multiplied. */
+export const timesPython = (expression: string, factor: number): string =>
+  factor === 1 ? expression : `[v if v is None else ${factor} * v for v in ${expression}]`;

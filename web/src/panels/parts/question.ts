@@ -1,0 +1,10 @@
+// A question that is asked before something is lost.
+
+export interface Question {
+  title: string;
+  text: string;
+  /** What the button says. */
+  verb: string;
+  isDanger?: boolean;
+  act: () => Promise<unknown>;
+}

@@ -1,0 +1,62 @@
+// Something the service is asked for, again whenever what is wanted changes: one request at a time, the last wish
+// wins, and what was there stays in sight until its successor has come.
+import { sentence } from "../api/client";
+
+/** Within an effect: it runs again when these change, also where it does not need them. */
+export const dependsOn = (...values: unknown[]): number => values.length;
+
+export class Loaded<T> {
+  /** What was loaded last. */
+  value: T | undefined = $state.raw();
+  /** Whether something else is on its way. */
+  loading = $state(false);
+  /** Why the last wish failed. */
+  problem: string | undefined = $state();
+  /** The same as it was thrown. */
+  error: unknown = $state.raw();
+
+  #wanted: (() => Promise<T>) | undefined;
+  #last: (() => Promise<T>) | undefined;
+  #working = false;
+
+  /** Asks, now or after the request that is under way. */
+  ask(wanted: () => Promise<T>): void {
+    this.#wanted = wanted;
+    this.#last = wanted;
+    if (this.#working) return;
+    this.#working = true;
+    void this.#work();
+  }
+
+  /** Asks once more for what was asked for last. */
+  again(): void {
+    if (this.#last) this.ask(this.#last);
+  }
+
+  /** Forgets what is there. */
+  clear(): void {
+    this.value = undefined;
+    this.problem = undefined;
+    this.error = undefined;
+    this.#wanted = undefined;
+  }
+
+  async #work(): Promise<void> {
+    this.loading = true;
+    while (this.#wanted) {
+      const next = this.#wanted;
+      this.#wanted = undefined;
+      try {
+        const value = await next();
+        this.value = value;
+        this.problem = undefined;
+        this.error = undefined;
+      } catch (error) {
+        this.problem = sentence(error);
+        this.error = error;
+      }
+    }
+    this.#working = false;
+    this.loading = false;
+  }
+}
