@@ -4,6 +4,13 @@ import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { chromium } from "playwright-core";
 
+/** A walk that hangs fails. */
+const MOST_MS = 240_000;
+setTimeout(() => {
+  console.error(`it takes longer than ${MOST_MS / 1000} s`);
+  process.exit(1);
+}, MOST_MS).unref();
+
 const axeSource = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
 export const start = () =>

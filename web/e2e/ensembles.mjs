@@ -67,7 +67,7 @@ async function overview(seen) {
 async function submit(seen) {
   const page = await open("new", { colorScheme: "dark" });
   await page.getByLabel("Points", { exact: true }).fill("6");
-  await page.getByLabel("width (m)", { exact: true }).fill("4500");
+  await page.getByLabel("fjord width W (m)", { exact: true }).fill("4500");
   await page.getByLabel("Tags, with commas between").fill("form");
   const written = await spec(page);
   assert.deepEqual(written.axes, [{ parameter: "melt_rate_m_per_day", linspace: [0.5, 1, 6] }]);

@@ -29,28 +29,28 @@ try {
   seen.exponent = await text("exponent");
   seen.interval = await text("interval");
   seen.used = (await page.getByText("Runs used").locator("xpath=../dd").textContent()).trim();
-  await page.getByText("width varies too").waitFor();
+  await page.getByText("fjord width W varies too").waitFor();
   await withoutViolations(page);
   await shot("law");
 
   // Files of the figure hold its numbers, and ask for the same law.
-  const files = page.getByRole("group", { name: /^Files of Force against melt rate/ });
+  const files = page.getByRole("group", { name: /^Files of Force per unit width F\/W against melt rate/ });
   const saved = async (kind) => {
     const [download] = await Promise.all([page.waitForEvent("download"), files.getByRole("button", { name: kind }).click()]);
     return readFile(await download.path(), "utf8");
   };
   const rows = (await saved("CSV")).trim().split("\r\n");
-  seen.csv_points = rows.filter((row) => row.startsWith("force (Eq. 30),")).length;
+  seen.csv_points = rows.filter((row) => row.startsWith("F/W (Eq. 30),")).length;
   seen.python = await saved("Python");
   assert.match(await saved("SVG"), /^<svg/);
 
   // One law per width, from the button beside the warning.
-  await page.getByRole("button", { name: "One law per width" }).click();
-  const table = page.getByRole("region", { name: "Exponent for each width" });
+  await page.getByRole("button", { name: "One law per fjord width W" }).click();
+  const table = page.getByRole("region", { name: "Exponent for each fjord width W" });
   await table.waitFor();
   assert.match(page.url(), /by=width_m/);
   seen.groups = await table.locator("tbody tr").evaluateAll((trs) => trs.map((tr) => [...tr.children].map((cell) => cell.textContent.trim())));
-  await page.getByText(/^Exponent of the power law of force over melt rate against width/).waitFor();
+  await page.getByText(/^Exponent of the power law of force per unit width F\/W over melt rate against fjord width W/).waitFor();
   await withoutViolations(page);
   await shot("laws-by-width");
 
@@ -64,10 +64,10 @@ try {
   await withoutViolations(page);
   await filter.fill("width_m = 4000");
   await filter.press("Enter");
-  await page.getByText("width varies too").waitFor({ state: "detached" });
+  await page.getByText("fjord width W varies too").waitFor({ state: "detached" });
   seen.exponent_4000 = await text("exponent");
   await page.getByRole("combobox", { name: "Law", exact: true }).selectOption("exponential");
-  await page.getByText("Local rate of force over melt rate").first().waitFor();
+  await page.getByText("Local rate of force per unit width F/W over melt rate").first().waitFor();
   seen.rate_per_day = await text("exponent");
   await page.getByRole("combobox", { name: "Speeds" }).selectOption("m_per_a");
   await page.getByText("exp(", { exact: false }).first().waitFor();
@@ -91,8 +91,8 @@ try {
 
   // A brush, typed and drawn, and the law of the runs within.
   await go(`${grid}/sensitivity`);
-  await page.getByLabel("width from").fill("4000");
-  await page.getByLabel("width from").press("Tab");
+  await page.getByLabel("fjord width W from").fill("4000");
+  await page.getByLabel("fjord width W from").press("Tab");
   await page.getByText(/^\d+ of \d+ runs that are drawn/).waitFor();
   seen.brushed = await text("brushed");
   await withoutViolations(page);
@@ -111,19 +111,19 @@ try {
 
   // Two parameters as a map; indices of a design, refused elsewhere; derivatives.
   await go(`${grid}/sensitivity?view=map`);
-  await page.getByRole("heading", { name: /^Force over melt rate and width/ }).waitFor();
+  await page.getByRole("heading", { name: /^Force per unit width F\/W over melt rate and fjord width W/ }).waitFor();
   await withoutViolations(page);
   await shot("map");
   await page.getByRole("link", { name: "Sobol indices" }).click();
   seen.refusal = await text("refusal");
   await page.getByRole("link", { name: "Submit a Saltelli design" }).waitFor();
   await go(`${design}/sensitivity`);
-  await page.getByRole("heading", { name: /^Sobol indices of force/ }).waitFor();
+  await page.getByRole("heading", { name: /^Sobol indices of force per unit width/ }).waitFor();
   seen.indices = await page.locator("[data-testid^='first-'], [data-testid^='total-']").evaluateAll((cells) => Object.fromEntries(cells.map((c) => [c.dataset.testid, c.textContent.trim()])));
   await withoutViolations(page);
   await shot("sobol");
   await go(`${local}/sensitivity`);
-  await page.getByRole("heading", { name: /^Local sensitivities of force over melt rate/ }).waitFor();
+  await page.getByRole("heading", { name: /^Local sensitivities of force per unit width F\/W over melt rate/ }).waitFor();
   await page.emulateMedia({ colorScheme: "dark" });
   await page.waitForFunction(() => document.documentElement.dataset.theme === "dark");
   await withoutViolations(page);

@@ -136,8 +136,10 @@ try {
   // A service that is gone is told of, and what was shown stays.
   const orphan = await open(below);
   await drawn(orphan.page);
+  // First nobody new, then whoever is there.
+  const closed = new Promise((done) => proxy.close(done));
   proxy.closeAllConnections();
-  await new Promise((closed) => proxy.close(closed));
+  await closed;
   await orphan.page.getByRole("alert").filter({ hasText: "does not answer" }).waitFor({ timeout: 20_000 });
   assert.ok(await orphan.page.getByTestId("exponent").isVisible());
 

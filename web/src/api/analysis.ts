@@ -8,7 +8,6 @@ import type {
   ProfilesAnswer,
   Season as SeasonSchema,
   SweepLaws,
-  TransectsAnswer,
   operations,
 } from "../../generated/schema";
 import { client, told } from "./client";
@@ -20,7 +19,6 @@ export type LawGroup = Group;
 export type Laws = SweepLaws;
 export type ProfileItem = ProfilesAnswer["items"][number];
 export type Season = SeasonSchema;
-export type Transects = TransectsAnswer;
 
 type Query<Name extends keyof operations> = NonNullable<operations[Name]["parameters"]["query"]>;
 /** The same, with members that may be undefined for not given. */
@@ -58,13 +56,6 @@ export const failures = (id: string): Promise<Failures> =>
 export const indicesPath = (id: string, query: IndicesQuery): string => path(`sweeps/${id}/indices`, query);
 export const indices = (id: string, query: IndicesQuery): Promise<Indices> =>
   told(client.GET("/api/v1/sweeps/{id}/indices", { params: { path: { id }, query: given(query) } }));
-
-export const transectsPath = (runId: string, chi: string, time_a?: number): string =>
-  path(`runs/${runId}/transects`, { chi, time_a });
-export const transects = (runId: string, chi: string, time_a?: number): Promise<Transects> => {
-  const query = time_a === undefined ? { chi } : { chi, time_a };
-  return told(client.GET("/api/v1/runs/{id}/transects", { params: { path: { id: runId }, query } }));
-};
 
 export const profilesPath = (id: string, query: ProfilesQuery): string => path(`sweeps/${id}/profiles`, query);
 export const profiles = (id: string, query: ProfilesQuery): Promise<ProfilesAnswer> =>

@@ -128,9 +128,6 @@ export const importArchive = (file: File, acceptsConflicts = false) =>
 
 export const run = (id: string): Promise<Outcome> => told(client.GET("/api/v1/runs/{id}", path({ id })));
 
-export const fit = (id: string, x: string, y: string, model: Law): Promise<Fit> =>
-  told(client.GET("/api/v1/sweeps/{id}/fit", at({ id }, { x, y, model })));
-
 /** Address of a bulk table. */
 export const bulk = (id: string, file: string): string => address(`sweeps/${id}/${file}`);
 

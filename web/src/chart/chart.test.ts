@@ -47,6 +47,19 @@ test("the script asks for what is asked for and holds the rest", () => {
   expect(script).not.toMatch(/undefined|NaN|\[object/);
 });
 
+test("the script writes whatever names say, and stands whatever titles say", () => {
+  const name = '_x of $b$ "c"';
+  const script = python(
+    { ...figure, title: 'a "b"\ncoding: cp1252 """', x: { name: "$N", unit: "1", categories: ["_$"] }, layers: [{ kind: "curve", name, x: [1], y: [2] }] },
+    "http://here/api/v1",
+  );
+  const lines = script.split("\n");
+  expect(lines.slice(0, 4)).toEqual(["# -*- coding: utf-8 -*-", '# a "b" coding: cp1252 """', "# Showing 2 of 3 runs.", ""]);
+  expect(script).toContain(`gid=${JSON.stringify(name)}, label=${JSON.stringify(' _x of \\$b\\$ "c"')}`);
+  expect(script).toContain('ax.set_xlabel("\\\\$N")');
+  expect(script).toContain('[" _\\\\$"]');
+});
+
 test("a script of parallel axes has a column for each axis", () => {
   const parallel: Parallel = {
     title: "all",

@@ -26,7 +26,7 @@ export function parallelOption(figure: Parallel, canvas: Canvas): Drawing {
       nameGap: dim % 2 === 0 ? 10 : 28,
       nameTextStyle: { color: look.ink, fontSize: 12 },
       axisLine: { lineStyle: { color: look.faint } },
-      axisLabel: { color: look.faint, formatter: short, showMinLabel: true, showMaxLabel: true, hideOverlap: true },
+      axisLabel: { color: look.ink, textBorderColor: look.paper, textBorderWidth: 3, formatter: short, showMinLabel: true, showMaxLabel: true, hideOverlap: true },
       // It is told where a hand has let go.
       realtime: false,
       areaSelectStyle: { color: look.force, opacity: 0.2, borderColor: look.force },

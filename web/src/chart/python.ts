@@ -4,6 +4,10 @@ import { type Figure, type Layer, type Parallel, type Scatter, axisLabel, isPara
 import { LOOKS } from "./theme";
 
 const quoted = (text: string): string => JSON.stringify(text);
+/** What matplotlib writes as it stands: no formula between dollars, and listed though it begins with a low line. */
+const label = (text: string): string => quoted(text.replaceAll("$", "\\$").replace(/^_/, " _"));
+/** A line that Python passes over, whatever it says. */
+const remark = (text: string): string => `# ${text.replace(/[\p{Cc}\u2028\u2029]+/gu, " ")}`;
 const list = (values: (number | null)[]): string => `[${values.map((v) => (v === null ? "None" : String(v))).join(", ")}]`;
 const numbers = (expression: string | undefined, values: (number | null)[]): string =>
   `numbers(${expression ?? list(values)})`;
@@ -37,11 +41,12 @@ const READ = (base: string): string[] => [
 
 /** The script; `base` is the absolute address of the service's `api/v1`, without a slash at its end. */
 export function python(figure: Figure | Parallel, base: string): string {
-  const about = [figure.title, ...(figure.notes ?? [])].map((line) => line.replaceAll("\\", "\\\\").replaceAll('"""', "'''"));
+  // The first line is there so that no title can pass for one that names an encoding.
+  const about = ["-*- coding: utf-8 -*-", figure.title, ...(figure.notes ?? [])].map(remark);
   const data = Object.entries(figure.data ?? {}).map(([name, path]) => `${name} = read(${quoted(path)})`);
   const body = isParallel(figure) ? parallel(figure) : plane(figure);
   const end = [`fig.savefig(${quoted(`${fileName(figure.title)}.pdf`)})`, 'if plt.get_backend().lower() != "agg":', "    plt.show()"];
-  return [`"""${about.join("\n")}"""`, "", ...HEAD, "", ...READ(base), ...data, "", ...body, ...end, ""].join("\n");
+  return [...about, "", ...HEAD, "", ...READ(base), ...data, "", ...body, ...end, ""].join("\n");
 }
 
 /** A title as the name of a file. */
@@ -55,11 +60,11 @@ function plane(figure: Figure): string[] {
     const norm = scale.log ? "LogNorm" : "Normalize";
     lines.push(
       `scale = cm.ScalarMappable(colors.${norm}(${scale.min}, ${scale.max}), "viridis")`,
-      ...(scale.quiet ? [] : [`fig.colorbar(scale, ax=ax, label=${quoted(axisLabel(scale))})`]),
+      ...(scale.quiet ? [] : [`fig.colorbar(scale, ax=ax, label=${label(axisLabel(scale))})`]),
     );
   }
   for (const layer of figure.layers) lines.push(...draw(layer));
-  lines.push(`ax.set_xlabel(${quoted(axisLabel(x))})`, `ax.set_ylabel(${quoted(axisLabel(y))})`);
+  lines.push(`ax.set_xlabel(${label(axisLabel(x))})`, `ax.set_ylabel(${label(axisLabel(y))})`);
   if (x.log) lines.push('ax.set_xscale("log")');
   if (y.log) lines.push('ax.set_yscale("log")');
   if (x.min !== undefined || x.max !== undefined) lines.push(limits("x", x));
@@ -72,7 +77,7 @@ function plane(figure: Figure): string[] {
 }
 
 const words = (axis: "x" | "y", categories: string[]): string[] => [
-  `ax.set_${axis}ticks(range(${categories.length}), [${categories.map(quoted).join(", ")}])`,
+  `ax.set_${axis}ticks(range(${categories.length}), [${categories.map(label).join(", ")}])`,
   `ax.set_${axis}lim(-0.5, ${categories.length - 0.5})`,
 ];
 
@@ -99,30 +104,30 @@ const MARKS: Record<NonNullable<Scatter["symbol"]>, string> = {
 };
 
 function draw(layer: Layer): string[] {
-  const label = `, gid=${quoted(layer.name)}${"quiet" in layer && layer.quiet ? "" : `, label=${quoted(layer.name)}`}`;
+  const named = `, gid=${quoted(layer.name)}${"quiet" in layer && layer.quiet ? "" : `, label=${label(layer.name)}`}`;
   switch (layer.kind) {
     case "points": {
       const [x, y] = [numbers(layer.python?.x, layer.x), numbers(layer.python?.y, layer.y)];
       const mark = `marker=${quoted(MARKS[layer.symbol ?? (layer.hollow ? "diamond" : "circle")])}, s=${(layer.size ?? 6) ** 2 / 2}`;
-      if (layer.values && layer.hollow) return [`ax.scatter(${x}, ${y}, facecolors="none", edgecolors=scale.to_rgba(numbers(${list(layer.values)})), ${mark}${label})`];
-      if (layer.values) return [`ax.scatter(${x}, ${y}, c=numbers(${list(layer.values)}), cmap=scale.cmap, norm=scale.norm, ${mark}${label})`];
+      if (layer.values && layer.hollow) return [`ax.scatter(${x}, ${y}, facecolors="none", edgecolors=scale.to_rgba(numbers(${list(layer.values)})), ${mark}${named})`];
+      if (layer.values) return [`ax.scatter(${x}, ${y}, c=numbers(${list(layer.values)}), cmap=scale.cmap, norm=scale.norm, ${mark}${named})`];
       const paint = layer.hollow ? `facecolors="none", edgecolors=${colour(layer)}` : `color=${colour(layer)}`;
-      return [`ax.scatter(${x}, ${y}, ${paint}, ${mark}${label})`];
+      return [`ax.scatter(${x}, ${y}, ${paint}, ${mark}${named})`];
     }
     case "curve": {
       const [x, y] = [numbers(layer.python?.x, layer.x), numbers(layer.python?.y, layer.y)];
       const style = `color=${colour(layer)}, linestyle=${quoted(layer.line ?? "solid")}, linewidth=${layer.width ?? 1.6}`;
-      if (!layer.arrows) return [`ax.plot(${x}, ${y}, ${style}${label})`];
+      if (!layer.arrows) return [`ax.plot(${x}, ${y}, ${style}${named})`];
       return [
         `x, y = ${x}, ${y}`,
-        `ax.plot(x, y, ${style}${label})`,
+        `ax.plot(x, y, ${style}${named})`,
         `for i in ${list(layer.arrows)}:`,
         `    ax.annotate("", (x[i + 1], y[i + 1]), (x[i], y[i]), arrowprops={"arrowstyle": "-|>", "color": ${colour(layer)}})`,
       ];
     }
     case "area": {
       const [lower, upper] = [numbers(layer.python?.lower, layer.lower), numbers(layer.python?.upper, layer.upper)];
-      return [`ax.fill_between(${numbers(layer.python?.x, layer.x)}, ${lower}, ${upper}, color=${colour(layer)}, alpha=${layer.opacity ?? 0.2}, linewidth=0${label})`];
+      return [`ax.fill_between(${numbers(layer.python?.x, layer.x)}, ${lower}, ${upper}, color=${colour(layer)}, alpha=${layer.opacity ?? 0.2}, linewidth=0${named})`];
     }
     case "interval": {
       const [x, y] = [numbers(layer.python?.x, layer.x), numbers(layer.python?.y, layer.y)];
@@ -132,7 +137,7 @@ function draw(layer: Layer): string[] {
       const middle = layer.lies ? "x" : "y";
       return [
         `x, y, lower, upper = ${x}, ${y}, ${lower}, ${upper}`,
-        `ax.errorbar(x, y, ${middle}err=(${middle} - lower, upper - ${middle}), ${style}${label})`,
+        `ax.errorbar(x, y, ${middle}err=(${middle} - lower, upper - ${middle}), ${style}${named})`,
       ];
     }
     case "heat": {
@@ -140,7 +145,7 @@ function draw(layer: Layer): string[] {
       return [`ax.pcolormesh(${list(layer.x)}, ${list(layer.y)}, ${z}, cmap=scale.cmap, norm=scale.norm, shading="nearest", gid=${quoted(layer.name)})`];
     }
     case "guide": {
-      const style = `color=${colour(layer)}, linestyle="dashed", linewidth=1${label}`;
+      const style = `color=${colour(layer)}, linestyle="dashed", linewidth=1${named}`;
       return [layer.x === undefined ? `ax.axhline(${layer.y ?? 0}, ${style})` : `ax.axvline(${layer.x}, ${style})`];
     }
   }
@@ -150,17 +155,20 @@ function parallel(figure: Parallel): string[] {
   const { scale, axes } = figure;
   const columns = axes.map((_, i) => numbers(figure.python?.[i], figure.rows.map((row) => row[i] ?? null)));
   return [
-    `axes = [${axes.map((axis) => quoted(axisLabel(axis))).join(", ")}]`,
+    `axes = [${axes.map((axis) => label(axisLabel(axis))).join(", ")}]`,
     `is_log = [${axes.map((axis) => (axis.log ? "True" : "False")).join(", ")}]`,
     `columns = [${columns.join(", ")}]`,
+    "whole = ~np.isnan(columns).any(axis=0)  # a run that lacks a number is not drawn",
+    "columns = [c[whole] for c in columns]",
     "inside = np.ones(len(columns[0]), dtype=bool)",
     ...(figure.brushes ?? []).flatMap((range, i) => (range ? [`inside &= (columns[${i}] >= ${range[0]}) & (columns[${i}] <= ${range[1]})`] : [])),
+    `values = columns[${figure.colored}]`,
     "columns = [np.log10(c) if log else c for c, log in zip(columns, is_log)]",
     "heights = [(c - np.nanmin(c)) / max(np.nanmax(c) - np.nanmin(c), 1e-300) for c in columns]",
     'fig, ax = plt.subplots(figsize=(6.85, 4.3), layout="constrained")',
     `scale = cm.ScalarMappable(colors.${scale.log ? "LogNorm" : "Normalize"}(${scale.min}, ${scale.max}), "viridis")`,
-    `fig.colorbar(scale, ax=ax, label=${quoted(axisLabel(scale))})`,
-    `for row, value, is_in in zip(np.transpose(heights), ${numbers(figure.python?.[figure.colored], figure.rows.map((row) => row[figure.colored] ?? null))}, inside):`,
+    `fig.colorbar(scale, ax=ax, label=${label(axisLabel(scale))})`,
+    "for row, value, is_in in zip(np.transpose(heights), values, inside):",
     "    ax.plot(row, color=scale.to_rgba(value), linewidth=0.6, alpha=0.6 if is_in else 0.03)",
     'ax.set_xticks(range(len(axes)), axes, rotation=20, ha="right")',
     'ax.set_yticks([0, 1], ["least", "greatest"])',

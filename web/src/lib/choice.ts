@@ -18,26 +18,73 @@ export interface Candidate {
   index: number;
   /** By which runs are spread; null where a run has none. */
   value: number | null;
+  /** What else varies of it. */
+  others?: unknown[];
+  /** Whether there is anything to draw; so if not given. */
+  isDrawn?: boolean;
 }
 
 /**
- * Up to `most` runs, evenly spread over their values. Of runs that share a value the middle ones are taken, so that
- * in a grid everything else stays the same; they come by value, then by index.
+ * Up to `most` runs that can be drawn, evenly spread over their values, by value and then by index. In a grid
+ * everything else stays the same: it is as in the middle of the design, with gaps where that has nothing to draw. Of
+ * runs that share a value the middle ones are taken. Runs drawn `before` stay, and others join them.
  */
-export function spread(candidates: Candidate[], most: number): number[] {
-  const groups = new Map<number | null, number[]>();
-  for (const { index, value } of candidates) {
-    const group = groups.get(value);
-    if (group) group.push(index);
-    else groups.set(value, [index]);
+export function spread(candidates: Candidate[], most: number, before: number[] = []): number[] {
+  const old = new Set(before);
+  const alike = withSameOthers(candidates, candidates.find((c) => old.has(c.index))).filter((c) => c.isDrawn !== false);
+  const kept = alike.filter((c) => old.has(c.index)).slice(0, most);
+  const chosen = new Set([...kept.map((c) => c.index), ...evenlyOver(alike.filter((c) => !old.has(c.index)), most - kept.length)]);
+  return alike.filter((c) => chosen.has(c.index)).sort(byValue).map((c) => c.index);
+}
+
+const byValue = (a: Candidate, b: Candidate): number =>
+  a.value === b.value ? a.index - b.index : a.value === null ? 1 : b.value === null ? -1 : a.value - b.value;
+
+function grouped(candidates: Candidate[], by: (candidate: Candidate) => string | number | null): Candidate[][] {
+  const groups = new Map<string | number | null, Candidate[]>();
+  for (const candidate of candidates) {
+    const group = groups.get(by(candidate));
+    if (group) group.push(candidate);
+    else groups.set(by(candidate), [candidate]);
   }
-  const sorted = [...groups].sort(([a], [b]) => (a ?? Infinity) - (b ?? Infinity)).map(([, group]) => group);
-  const each = Math.max(1, Math.floor(most / Math.max(1, sorted.length)));
-  return evenly(sorted.length, Math.min(most, sorted.length)).flatMap((place) => {
-    const group = (sorted[place] ?? []).toSorted((a, b) => a - b);
-    return evenly(group.length, each).map((i) => group[i] ?? 0);
+  return [...groups.values()];
+}
+
+function evenlyOver(candidates: Candidate[], most: number): number[] {
+  const groups = grouped(candidates.toSorted(byValue), (c) => c.value);
+  const each = Math.max(1, Math.floor(most / Math.max(1, groups.length)));
+  return evenly(groups.length, Math.min(most, groups.length)).flatMap((place) => {
+    const group = groups[place] ?? [];
+    return evenly(group.length, each).flatMap((i) => group[i]?.index ?? []);
   });
 }
+
+/**
+ * Runs that share what else varies: with the run given, or else with the combination nearest to the middle of the
+ * design, of those that hold several values. All of them where no combination does, as in a random sample.
+ */
+function withSameOthers(candidates: Candidate[], like: Candidate | undefined): Candidate[] {
+  const text = (c: Candidate): string => JSON.stringify(c.others ?? []);
+  const values = (group: Candidate[]): number => new Set(group.map((c) => c.value)).size;
+  // Pairs of a Saltelli design are no grid.
+  const least = values(candidates) === 2 ? 2 : 3;
+  const combinations = grouped(candidates, text).filter((group) => group.some((c) => c.isDrawn !== false) && values(group) >= least);
+  const same = like && combinations.find((group) => group[0] && text(group[0]) === text(like));
+  if (same) return same;
+  const levels = (candidates[0]?.others ?? []).map((_, k) => {
+    const level = [...new Set(candidates.map((c) => c.others?.[k]))];
+    return level.every((v) => typeof v === "number") ? level.sort((a, b) => a - b) : level;
+  });
+  /** Steps from the middle of the design, each parameter's range counted as one. */
+  const away = (group: Candidate[]): number =>
+    levels.reduce((sum, level, k) => sum + Math.abs(level.indexOf(group[0]?.others?.[k]) / Math.max(1, level.length - 1) - 0.5), 0);
+  const distances = combinations.map(away);
+  return combinations[distances.indexOf(Math.min(...distances))] ?? candidates;
+}
+
+/** What is said of runs that were chosen by hand. */
+export const drawnText = (drawn: number, named: number): string =>
+  drawn < named ? `Showing the first ${drawn} of ${named} runs that were chosen: no more are drawn at once.` : `Showing the ${drawn} runs that were chosen.`;
 
 /** A number that changes when it is worth asking again: at each run of a few, at each fiftieth of many. */
 export function stage(done: number, total: number, isOver: boolean): number {
@@ -71,11 +118,18 @@ export function varied(sweep: { spec: unknown; varies?: { parameter: string }[] 
   return told.length > 0 ? told : variedIn(sweep.spec);
 }
 
-/** A condition that keeps a parameter nearly the same, as an example: the middle twentieth of its range. */
-export function exampleOf(sweep: { spec?: unknown; varies?: { parameter: string; min: number; max: number }[] }, but: string): string {
-  const one = (sweep.varies ?? []).find((v) => v.parameter !== but);
-  if (!one) return "width_m = 4000";
-  const [middle, half] = [(one.min + one.max) / 2, (one.max - one.min) / 40];
-  const round = (value: number): string => String(Number(value.toPrecision(3)));
-  return `${round(middle - half)} <= ${one.parameter} <= ${round(middle + half)}`;
+/**
+ * A condition as an example, which some runs meet. In a grid it keeps one parameter the same, else nearly the same: the
+ * middle fifth of the runs; `but` is left to vary, if anything else does.
+ */
+export function exampleOf(columns: Record<string, unknown[]>, names: string[], but: string): string {
+  const name = names.find((n) => n !== but) ?? names[0] ?? "";
+  const values = (columns[name] ?? []).filter((v) => typeof v === "number").sort((a, b) => a - b);
+  if (values.length === 0) return "run_index < 100";
+  const at = (share: number): number => values[Math.round(share * (values.length - 1))] ?? 0;
+  if (new Set(values).size <= values.length / 2) return `${name} = ${at(0.5)}`;
+  const round = (value: number): number => Number(value.toPrecision(3));
+  const [low, high] = [round(at(0.4)), round(at(0.6))];
+  const [from, to] = values.some((v) => v >= low && v <= high) ? [low, high] : [at(0.4), at(0.6)];
+  return `${from} <= ${name} <= ${to}`;
 }

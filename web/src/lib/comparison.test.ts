@@ -37,7 +37,7 @@ const wide = { doc: { regime: "steady", parameters: { width_m: 5000, b: 1e4 }, f
 test("ensembles differ in what varies or is fixed otherwise, defaults included", () => {
   expect(differences([melt, wide], ENTRIES, "m_per_day")).toEqual([
     { name: "melt rate (m d⁻¹)", values: ["0.5 to 1", "0.6"] },
-    { name: "width (m)", values: ["4000", "5000"] },
+    { name: "fjord width W (m)", values: ["4000", "5000"] },
     { name: "fjord", values: ["–", '{ "x_m": [0] }'] },
   ]);
   expect(differences([melt, melt], ENTRIES, "m_per_day")).toEqual([]);

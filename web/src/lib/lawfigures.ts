@@ -140,7 +140,7 @@ function lawLayers(view: LawView, laws: Laws, data: string, look: Look): Layer[]
 export function lawFigure(view: LawView): Figure {
   const { laws, quasi, y } = view;
   const scale = view.group ? groupScale(laws, view.group) : undefined;
-  const named = quasi ? "force (Eq. 30)" : y.words;
+  const named = quasi ? "F/W (Eq. 30)" : y.words;
   const layers = lawLayers(view, laws, "law", { color: "force", hollow: false, line: "solid", named, isFitted: true });
   if (quasi) {
     const look: Look = { color: "quasiStatic", hollow: true, line: "dashed", named: "quasi-static estimate", isFitted: quasi.isFitted };
@@ -149,7 +149,7 @@ export function lawFigure(view: LawView): Figure {
   return {
     title: titled(view, `${capital(y.words)} against ${view.x.words}`),
     x: axis(view.x, view.isLogX),
-    y: { ...axis(y, view.isLogY), name: y.name === "force_n_per_m" ? "force per unit width" : y.words },
+    y: axis(y, view.isLogY),
     layers,
     ...(scale ? { scale } : {}),
     data: { law: view.path, ...(quasi ? { quasi: quasi.path } : {}) },

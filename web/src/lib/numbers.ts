@@ -36,22 +36,34 @@ export function label(entry: { name: string; unit: string } | undefined, name: s
   return unit ? `${words} (${unit})` : words;
 }
 
-const suffixes = /_(m_per_a|m_per_day|n_per_m|per_a|m3|m|a)$/;
-
-/** What is better written than its name. */
-const WRITTEN: Record<string, string> = {
-  mu_s: "μ_s",
-  mu_w: "μ_w",
-  d: "iceberg size d",
-  n_cells: "cells",
-  thickness_0: "thickness H₀",
-  length: "length L",
+/** What the field and the paper call quantities, where that is better than the interface's own words. */
+const TERMS: Record<string, string> = {
+  terminus_velocity_m_per_a: "glacier speed U_t",
+  calving_rate_m_per_a: "calving rate U_c",
+  terminus_thickness_m: "glacier thickness H_t",
+  melt_rate_m_per_day: "melt rate",
+  width_m: "fjord width W",
+  width_gradient: "width gradient dW/dx",
+  d_m: "iceberg size d",
+  mu_s: "yield coefficient μ_s",
+  length_m: "length L",
+  thickness_0_m: "thickness at the terminus H₀",
+  force_n_per_m: "force per unit width F/W",
+  force_quasi_static_n_per_m: "quasi-static estimate of F/W",
+  velocity_end_m_per_a: "speed at the end U_L",
+  volume_m3: "volume",
+  terminus_x_m: "position of the terminus X₀",
 };
 
-/** A name of the interface without the unit at its end, as it is written. */
+const suffixes = /_(m_per_a|m_per_day|n_per_m|per_a|m3|m|a)$/;
+
+/** What is better written than its name, whatever its unit. */
+const WRITTEN: Record<string, string> = { mu_w: "μ_w", n_cells: "cells" };
+
+/** What a quantity is called on the page: the one place where names of the interface become words. */
 export function words_of(name: string): string {
   const bare = name.replace(suffixes, "");
-  return WRITTEN[bare] ?? bare.replaceAll("_", " ");
+  return TERMS[name] ?? WRITTEN[bare] ?? bare.replaceAll("_", " ");
 }
 
 /** Heights of the mélange's surface and base above sea level, at flotation. */
@@ -67,6 +79,3 @@ export function withEnds(thickness_m: number[]): number[] {
   const [beforeLast = 0, last = 0] = thickness_m.slice(-2);
   return [end(first, second), ...thickness_m, end(last, beforeLast)];
 }
-
-/** Runs of a grid whose axes have so many points. */
-export const countRuns = (counts: number[]): number => counts.reduce((a, b) => a * b, 1);

@@ -30,7 +30,7 @@ test("each ensemble has its points and its law", () => {
     ["points", "one"], ["points", "three"], ["curve", "one, law"], ["curve", "three, law"],
   ]);
   expect(figure.x).toEqual({ name: "melt rate", unit: "m a-1", log: true });
-  expect(figure.layers[0]).toMatchObject({ x: [365.25, 730.5], python: { x: '[365.25 * v for v in laws_1["groups"][0]["points"]["x"]]', y: 'laws_1["groups"][0]["points"]["y"]' } });
+  expect(figure.layers[0]).toMatchObject({ x: [365.25, 730.5], python: { x: '[v if v is None else 365.25 * v for v in laws_1["groups"][0]["points"]["x"]]', y: 'laws_1["groups"][0]["points"]["y"]' } });
   expect(Object.keys(figure.data ?? {})).toEqual(["laws_1", "laws_3"]);
   expect(figure.notes).toEqual(["Showing 1 of 9 runs of “three”: a random choice that is always the same. The law uses all."]);
 });

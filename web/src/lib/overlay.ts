@@ -4,6 +4,7 @@ import { type Laws, lawsPath } from "../api/analysis";
 import type { Expressions, Figure, Layer, Scatter, Symbol } from "../chart/figure";
 import type { ColourName } from "../chart/theme";
 import { words_of } from "./numbers";
+import { capital, timesPython } from "./quantity";
 import { type Speed, scaled, shownIn } from "./units";
 import { countText } from "./words";
 
@@ -28,7 +29,6 @@ export interface Overlaid {
 export function overlay(ensembles: Overlaid[], x: string, y: string, model: Law, dictionary: Dictionary, speed: Speed): Figure {
   const unitOf = (name: string): string => [...dictionary.parameters, ...dictionary.scalars].find((e) => e.name === name)?.unit ?? "1";
   const [alongX, alongY] = [shownIn(unitOf(x), speed), shownIn(unitOf(y), speed)];
-  const read = (expression: string, factor: number): string => (factor === 1 ? expression : `[${factor} * v for v in ${expression}]`);
   const points: Scatter[] = [];
   const curves: Layer[] = [];
   const data: Record<string, string> = {};
@@ -40,8 +40,8 @@ export function overlay(ensembles: Overlaid[], x: string, y: string, model: Law,
     const key = `laws_${i + 1}`;
     data[key] = lawsPath(id, { x, y, model, most: POINTS });
     const at = (path: string): Expressions => ({
-      x: read(`${key}["groups"][0]${path}["x"]`, alongX.factor),
-      y: read(`${key}["groups"][0]${path}["y"]`, alongY.factor),
+      x: timesPython(`${key}["groups"][0]${path}["x"]`, alongX.factor),
+      y: timesPython(`${key}["groups"][0]${path}["y"]`, alongY.factor),
     });
     const color = COLOURS[i % COLOURS.length] ?? "ink";
     isPositiveX &&= group.points.x.every((v) => v > 0);
@@ -74,5 +74,3 @@ export function overlay(ensembles: Overlaid[], x: string, y: string, model: Law,
     notes,
   };
 }
-
-const capital = (text: string): string => text.charAt(0).toUpperCase() + text.slice(1);

@@ -23,6 +23,20 @@ export function writePlace(place: Place): string {
   return `#/${place.path.map(encodeURIComponent).join("/")}${query ? `?${query}` : ""}`;
 }
 
+/** What goes along to every place: the unit of speeds, and what is listed. */
+const ALONG = ["speed", "find"];
+
+/** The part of a query that goes along. */
+export const along = (query: Record<string, string>): Record<string, string> =>
+  Object.fromEntries(Object.entries(query).filter(([name]) => ALONG.includes(name)));
+
+/** A panel's query when one comes back to it from another panel: its own, of the runs that are looked at now. */
+export function comingBack(own: Record<string, string> | undefined, now: Record<string, string>): Record<string, string> {
+  const entries = Object.entries(own ?? {}).filter(([name]) => name !== "filter" && !ALONG.includes(name));
+  const { filter } = now;
+  return { ...Object.fromEntries(entries), ...(filter === undefined ? {} : { filter }) };
+}
+
 function decode(part: string): string {
   try {
     return decodeURIComponent(part);

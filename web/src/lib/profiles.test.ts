@@ -21,7 +21,7 @@ test("speeds are drawn in the unit at the switch, distances in km", () => {
   const [curve] = speedFigure([run], common).layers as Curve[];
   expect(curve?.x).toEqual([0, 1, 2]);
   expect(curve?.y.map((v) => Number(v?.toFixed(9)))).toEqual([1, 2, 3]);
-  expect(curve?.python?.x).toBe('[0.001 * v for v in profiles["items"][0]["profile"]["node_x_m"]]');
+  expect(curve?.python?.x).toBe('[v if v is None else 0.001 * v for v in profiles["items"][0]["profile"]["node_x_m"]]');
 });
 
 test("the outline goes along the surface and back along the base", () => {

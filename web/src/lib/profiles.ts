@@ -5,6 +5,7 @@ import type { Profile } from "../api";
 import type { AxisSpec, Curve, Figure, Layer, Scale } from "../chart/figure";
 import type { ColourName } from "../chart/theme";
 import { SUBMERGED, freeboard, show, withEnds } from "./numbers";
+import { timesPython } from "./quantity";
 import { type Speed, scaled, shownIn } from "./units";
 
 /** What is drawn of a run. */
@@ -78,7 +79,7 @@ function along(
       ...look(run, runs),
       x: scaled(profile[at], KM),
       y: scaled(profile[of], factor),
-      python: { x: times(KM, part(at)), y: times(factor, part(of)) },
+      python: { x: timesPython(part(at), KM), y: timesPython(part(of), factor) },
     }];
   });
   return base(common, title, { ...ALONG, min: 0, max: farthest(runs) }, axis, layers);
@@ -97,8 +98,6 @@ export function roundEnd(length: number): number {
   const ends = [1, 2, 3, 5, 10, 20].map((step) => step * power).filter((step) => length / step > 3.3 && length / step <= 7.5);
   return ends.map((step) => Number((Math.ceil(length / step - 1e-9) * step).toPrecision(6))).reduce((a, b) => Math.min(a, b), Infinity);
 }
-
-const times = (factor: number, list: string): string => (factor === 1 ? list : `[${factor} * v for v in ${list}]`);
 
 /** Speed U in the terminus frame. */
 export function speedFigure(runs: Drawn[], common: Common): Figure {
@@ -229,8 +228,8 @@ export function scaleOf(name: string, unit: string, values: (number | null)[], l
   return { name, unit, min, max, ...(isLog ? { log: true } : {}), ...(new Set(known).size <= legend ? { quiet: true } : {}) };
 }
 
-/** Places along the mélange that a text such as "0.1, 0.5" names, at most eight. */
+/** Places along the mélange that a text such as "0.1, 0.5" names. */
 export function readChi(text: string): number[] {
   const values = text.split(/[\s,;]+/).filter((part) => part !== "").map(Number);
-  return [...new Set(values.filter((v) => v >= 0 && v <= 1))].slice(0, 8);
+  return [...new Set(values.filter((v) => v >= 0 && v <= 1))];
 }

@@ -11,28 +11,10 @@ interface Entry {
 interface Dictionary {
   parameters: Entry[];
   scalars: Entry[];
+  provenance?: Entry[];
   controls?: { name: string; unit: string }[];
   series?: Entry[];
 }
-
-/** Where the field has a better name than the interface's own words. */
-const TERMS: Record<string, string> = {
-  terminus_velocity_m_per_a: "glacier speed U_t",
-  calving_rate_m_per_a: "calving rate U_c",
-  terminus_thickness_m: "glacier thickness H_t",
-  melt_rate_m_per_day: "melt rate",
-  width_m: "fjord width W",
-  width_gradient: "width gradient dW/dx",
-  d_m: "iceberg size d",
-  mu_s: "yield coefficient μ_s",
-  length_m: "length L",
-  thickness_0_m: "thickness at the terminus H₀",
-  force_n_per_m: "force per unit width F/W",
-  force_quasi_static_n_per_m: "quasi-static estimate of F/W",
-  velocity_end_m_per_a: "speed at the end U_L",
-  volume_m3: "volume",
-  terminus_x_m: "position of the terminus X₀",
-};
 
 /** Units where neither dictionary nor name tell one. */
 const SERIES: Record<string, string> = { time_a: "a" };
@@ -51,11 +33,11 @@ export interface Quantity {
 
 /** A quantity of the dictionary as the page shows it. */
 export function quantity(dictionary: Dictionary, key: string, speed: Speed): Quantity {
-  const { parameters, scalars, series = [], controls = [] } = dictionary;
+  const { parameters, scalars, provenance = [], series = [], controls = [] } = dictionary;
   const entry: { unit: string; meaning?: string } | undefined =
-    [...parameters, ...scalars, ...series].find((e) => e.name === key) ?? controls.find((e) => e.name === key);
+    [...parameters, ...scalars, ...provenance, ...series].find((e) => e.name === key) ?? controls.find((e) => e.name === key);
   const { unit, factor } = shownIn(entry?.unit ?? SERIES[key] ?? "1", speed);
-  return { key, name: TERMS[key] ?? words_of(key), unit, factor, meaning: entry?.meaning ?? "" };
+  return { key, name: words_of(key), unit, factor, meaning: entry?.meaning ?? "" };
 }
 
 /** A stored number with its name and unit, as in "melt rate 0.6 m d⁻¹". */
@@ -65,4 +47,16 @@ export function told(q: Quantity, value: number | null | undefined): string {
   const size = Math.abs(number);
   const text = size >= 1e6 || (size > 0 && size < 1e-3) ? number.toExponential(3) : String(number);
   return `${q.name} ${text.replace("-", "−")} ${unitText(q.unit)}`.trim();
+}
+
+/** A sentence of the service with the names in it put into words, and their numbers as they are shown. */
+export function plain(text: string, dictionary: Dictionary, speed: Speed): string {
+  const known = new Set([...dictionary.parameters, ...dictionary.scalars, ...(dictionary.controls ?? [])].map((entry) => entry.name));
+  // Names of one word, such as b, may be words of the sentence.
+  return text.replace(/\b([a-zA-Z]\w*_\w+)\b(?:( = | reaches its bound )(-?[\d.]+(?:e[+-]?\d+)?(?![\w.])))?/g, (whole, name: string, between?: string, number?: string) => {
+    if (!known.has(name)) return whole;
+    const q = quantity(dictionary, name, speed);
+    if (between === undefined || number === undefined) return q.name;
+    return told({ ...q, name: q.name + between.trimEnd() }, Number(number));
+  });
 }

@@ -1,7 +1,7 @@
 // A quantity of the interface as the page shows it: what it is called, and in which unit.
 import type { Dictionary } from "../api";
-import { words_of } from "./numbers";
-import { type Shown, type Speed, shownIn } from "./units";
+import { quantity as known } from "./quantities";
+import type { Shown, Speed } from "./units";
 
 export interface Quantity extends Shown {
   /** As stored. */
@@ -11,9 +11,8 @@ export interface Quantity extends Shown {
 
 /** A parameter, a number of the result, or another column of the table of runs. */
 export function quantity(dictionary: Dictionary, name: string, speed: Speed): Quantity {
-  const entries = [...dictionary.parameters, ...dictionary.scalars, ...dictionary.provenance];
-  const unit = entries.find((entry) => entry.name === name)?.unit ?? "1";
-  return { name, words: words_of(name), ...shownIn(unit, speed) };
+  const { name: words, unit, factor } = known(dictionary, name, speed);
+  return { name, words, unit, factor };
 }
 
 /** The same with a capital, for the beginning of a title. */

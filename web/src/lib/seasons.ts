@@ -1,8 +1,11 @@
 // Transients as figures: numbers over time, loops against the forcing, force against thickness, as in Figs. 7 and 8.
 import type { Series } from "../../generated/schema";
 import type { Curve, Figure, Layer, Scale } from "../chart/figure";
+import { show } from "./numbers";
 import type { Quantity } from "./quantities";
+import { capital, timesPython } from "./quantity";
 import type { Tint } from "./tint";
+import { scaled } from "./units";
 
 /** A transient that is drawn. */
 export interface Transient {
@@ -33,11 +36,36 @@ const named = (run: Transient): string => `run_${run.index}`;
 /** Whether a column changes at all in a run. */
 export const moves = (series: Series, column: Column): boolean => series[column].some((v) => v !== series[column][0]);
 
-/** Rows of a series from a time on; all of them without one. */
-export function from(series: Series, time_a: number | undefined): number {
-  if (time_a === undefined) return 0;
-  const first = series.time_a.findIndex((t) => t >= time_a - 1e-9);
-  return Math.max(0, first);
+/** A stretch of time, as a run's own last whole period. */
+export interface Span {
+  from_a: number;
+  to_a: number;
+}
+
+/** Rows of a series within a stretch of time: the first, and the one past the last; none if it has none there. */
+export function within(series: Series, { from_a, to_a }: Span): [number, number] | undefined {
+  const first = series.time_a.findIndex((t) => t >= from_a - 1e-9);
+  const last = series.time_a.findLastIndex((t) => t <= to_a + 1e-9);
+  return first < 0 || last < first ? undefined : [first, last + 1];
+}
+
+/** Whether a forcing of a sweep's document comes again and again. */
+export const repeats = (forcing: unknown): boolean =>
+  typeof forcing === "object" && forcing !== null && ("sinusoid" in forcing || "pulse" in forcing);
+
+/** What the loops are drawn against if nothing is asked for: what repeats, or else what is forced, or else what moves. */
+export function usualForcing(moving: Column[], forcing: Record<string, unknown>): Column | undefined {
+  return moving.find((name) => repeats(forcing[name])) ?? moving.find((name) => name in forcing) ?? moving[0];
+}
+
+const DAYS = 365.25;
+
+/** A lag in words, after or before the time that it is counted from; a negative one is before. */
+export function lagText(years: number | null | undefined, since_a?: number | null): string {
+  if (years == null) return "–";
+  const size = Math.abs(years);
+  const side = years < 0 ? " before" : since_a == null ? "" : " after";
+  return `${show(size, 3)} a (${Math.round(size * DAYS)} d)${side}${since_a == null ? "" : ` ${show(since_a, 4)} a`}`;
 }
 
 function shape(run: Transient): Omit<Curve, "x" | "y" | "python"> {
@@ -45,10 +73,10 @@ function shape(run: Transient): Omit<Curve, "x" | "y" | "python"> {
   return { kind: "curve", name: tint.name, quiet: tint.quiet, id: run.index, ...(tint.value === undefined ? { color: "force" } : { value: tint.value }) };
 }
 
-const times = (values: number[], factor: number): number[] => (factor === 1 ? values : values.map((v) => v * factor));
-const column = (run: Transient, q: Quantity, first = 0): string => {
-  const list = `${named(run)}["series"]["${q.key}"]${first > 0 ? `[${first}:]` : ""}`;
-  return q.factor === 1 ? list : `[${q.factor} * v for v in ${list}]`;
+const column = (run: Transient, q: Quantity, [first, end]: [number, number] = [0, Infinity]): string => {
+  const isAll = first === 0 && end >= run.series.time_a.length;
+  const list = `${named(run)}["series"]["${q.key}"]${isAll ? "" : `[${first}:${end}]`}`;
+  return timesPython(list, q.factor);
 };
 
 function figure(title: string, x: Quantity, y: Quantity, runs: Transient[], layers: Layer[], common: Common): Figure {
@@ -62,8 +90,6 @@ function figure(title: string, x: Quantity, y: Quantity, runs: Transient[], laye
   };
 }
 
-const capital = (text: string): string => text.charAt(0).toUpperCase() + text.slice(1);
-
 /** A number over time. */
 export function courseFigure(runs: Transient[], time: Quantity, y: Quantity, common: Common, line: "solid" | "dashed" = "solid"): Figure {
   const layers = runs.map((run): Layer => ({
@@ -72,23 +98,33 @@ export function courseFigure(runs: Transient[], time: Quantity, y: Quantity, com
     quiet: run.tint.quiet || runs.length === 1,
     line,
     x: run.series.time_a,
-    y: times(run.series[y.key as Column], y.factor),
+    y: scaled(run.series[y.key as Column], y.factor),
     python: { x: column(run, time), y: column(run, y) },
   }));
   return figure(`${capital(y.name)} over time`, time, y, runs, layers, common);
 }
 
-/** One number against another; a dot where it starts, arrowheads the way it goes. */
-export function loopFigure(runs: Transient[], x: Quantity, y: Quantity, since: number | undefined, common: Common, arrows = 4): Figure {
-  const loops = runs.map((run, i): [Layer, Layer] => {
-    const first = from(run.series, since);
-    const [xs, ys] = [x, y].map((q) => times(run.series[q.key as Column].slice(first), q.factor));
+/** Stretches of time by run; without them the whole of each run. */
+export type Spans = Map<number, Span> | undefined;
+
+/**
+ * One number against another; a dot where it starts, arrowheads the way it goes. Of stretches of time each run's own
+ * is drawn, and nothing of a run that has none.
+ */
+export function loopFigure(runs: Transient[], x: Quantity, y: Quantity, spans: Spans, common: Common, arrows = 4): Figure {
+  const parts = runs.flatMap((run): { run: Transient; rows: [number, number] }[] => {
+    const span = spans?.get(run.index);
+    const rows: [number, number] | undefined = spans ? span && within(run.series, span) : [0, run.series.time_a.length];
+    return rows ? [{ run, rows }] : [];
+  });
+  const loops = parts.map(({ run, rows }, i): [Layer, Layer] => {
+    const [xs, ys] = [x, y].map((q) => scaled(run.series[q.key as Column].slice(...rows), q.factor));
     const points = { x: xs ?? [], y: ys ?? [] };
     const curve: Layer = {
       ...shape(run), ...points,
       width: 1.6,
       arrows: heads(points.x, points.y, arrows),
-      python: { x: column(run, x, first), y: column(run, y, first) },
+      python: { x: column(run, x, rows), y: column(run, y, rows) },
     };
     const start: Layer = {
       kind: "points", name: "start", quiet: i > 0, size: 9, color: "ink",
@@ -97,7 +133,7 @@ export function loopFigure(runs: Transient[], x: Quantity, y: Quantity, since: n
     return [curve, start];
   });
   const layers = [...loops.map(([curve]) => curve), ...loops.map(([, start]) => start)];
-  const title = `${capital(y.name)} against ${x.name}${since === undefined ? "" : " over the last period"}`;
+  const title = `${capital(y.name)} against ${x.name}${spans ? " over the last period" : ""}`;
   return figure(title, x, y, runs, layers, common);
 }
 
@@ -126,10 +162,10 @@ export interface Steady {
 
 /** Force against thickness at the terminus, with the quasi-static parabola and steady states. */
 export function staticFigure(
-  runs: Transient[], thickness: Quantity, force: Quantity, constant: number | undefined, steady: Steady | undefined, since: number | undefined, common: Common,
+  runs: Transient[], thickness: Quantity, force: Quantity, constant: number | undefined, steady: Steady | undefined, spans: Spans, common: Common,
 ): Figure {
-  const loops = loopFigure(runs, thickness, force, since, common, 1);
-  const all = [...runs.flatMap((run) => run.series.thickness_0_m), ...(steady?.thickness_m ?? [])];
+  const loops = loopFigure(runs, thickness, force, spans, common, 1);
+  const all = [...loops.layers.flatMap((layer) => (layer.kind === "curve" ? layer.x : [])).filter((h) => h !== null), ...(steady?.thickness_m ?? [])];
   const [low, high] = [0.95 * all.reduce((a, b) => Math.min(a, b), Infinity), 1.05 * all.reduce((a, b) => Math.max(a, b), -Infinity)];
   const x = Array.from({ length: 61 }, (_, i) => low + (i * (high - low)) / 60);
   const parabola: Layer[] = constant === undefined ? [] : [{

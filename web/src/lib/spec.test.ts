@@ -42,6 +42,9 @@ describe("text", () => {
 
   test("what is no document is told", () => {
     expect(readSpec("{bad").trouble).toMatch(/not JSON/);
+    expect(readSpec('{\n  "a": 1,\n  "b" 2,\n  "a long one, so that the place is told": 3\n}').trouble).toMatch(/^The text is not JSON: it cannot be read from line 3 on\./);
+    expect(readSpec("").trouble).toMatch(/^The text is not JSON: it ends too early\./);
+    expect([readSpec("{bad").isBroken, readSpec('{"seed": 9007199254740993}').isBroken]).toEqual([true, false]);
     expect(readSpec("[1]").trouble).toMatch(/object/);
     expect(readSpec("null").trouble).toMatch(/object/);
   });

@@ -7,7 +7,10 @@ export type Doc = { [name: string]: Json };
 export type Path = (string | number)[];
 
 /** What a text says. */
-export type Reading = { doc: Doc; trouble?: undefined } | { doc?: undefined; trouble: string };
+export type Reading =
+  | { doc: Doc; trouble?: undefined; isBroken?: undefined }
+  /** Broken is what the service could not read either. */
+  | { doc?: undefined; trouble: string; isBroken: boolean };
 
 /** Reads a text as a sweep's document; what cannot be kept exactly is not read. */
 export function readSpec(text: string): Reading {
@@ -15,12 +18,22 @@ export function readSpec(text: string): Reading {
   try {
     value = JSON.parse(text) as Json;
   } catch (error) {
-    return { trouble: `This is not JSON: ${error instanceof Error ? error.message : String(error)}.` };
+    return { trouble: whyBroken(text, error instanceof Error ? error.message : ""), isBroken: true };
   }
-  if (!isObject(value)) return { trouble: "A sweep is a JSON object: { … }." };
+  if (!isObject(value)) return { trouble: "A sweep is a JSON object: { … }.", isBroken: true };
   const long = inexact(text);
-  if (long !== undefined) return { trouble: `The form cannot keep the number ${long} exactly; edit the text.` };
+  if (long !== undefined) return { trouble: `The form cannot keep the number ${long} exactly; edit the text.`, isBroken: false };
   return { doc: value };
+}
+
+/** What browsers tell in their own ways, as one sentence: where a text ceases to be JSON. */
+function whyBroken(text: string, message: string): string {
+  const [, line] = /line (\d+)/.exec(message) ?? [];
+  const [, position] = /position (\d+)/.exec(message) ?? [];
+  const at = line ?? (position === undefined ? undefined : String(text.slice(0, Number(position)).split("\n").length));
+  if (at !== undefined) return `The text is not JSON: it cannot be read from line ${at} on. A comma, a quote or a bracket may be missing or too many.`;
+  const isShort = /end of/.test(message);
+  return `The text is not JSON${isShort ? ": it ends too early" : ""}. A comma, a quote or a bracket may be missing or too many.`;
 }
 
 /** A whole number with more digits than a number of this page has, such as a large seed. */

@@ -3,6 +3,7 @@
 import type { Branch, CurveRow, Folds } from "../../generated/schema";
 import type { Figure, Layer, Scale, Scatter } from "../chart/figure";
 import type { Quantity } from "./quantities";
+import { timesPython } from "./quantity";
 import type { Tint } from "./tint";
 
 /** What a branch may be drawn against its parameter. */
@@ -71,8 +72,6 @@ export interface Common {
 /** Whether perturbations oscillate where they begin to grow. */
 export const isHopf = (crossing: CurveRow): boolean => (crossing.growth_rate_im_per_a ?? []).some((im) => Math.abs(im) > 1e-9);
 
-const times = (factor: number, list: string): string => (factor === 1 ? list : `[${factor} * v for v in ${list}]`);
-
 /** Branches against their parameter. */
 export function branchFigure(runs: BranchRun[], x: Quantity, y: Quantity, common: Common): Figure {
   const height = y.key as Height;
@@ -104,7 +103,7 @@ export function branchFigure(runs: BranchRun[], x: Quantity, y: Quantity, common
         x: shown.map((r) => at(r)[0]),
         y: shown.map((r) => at(r)[1]),
         ...own(run),
-        python: { x: times(x.factor, slice("control_value")), y: times(y.factor, slice(height)) },
+        python: { x: timesPython(slice("control_value"), x.factor), y: timesPython(slice(height), y.factor) },
       });
     });
     const kept = rows.map((row, k) => ({ row, k })).filter(({ row }) => row.kind !== "fold");
@@ -206,7 +205,7 @@ export function foldFigure(runs: FoldRun[], second: Quantity, control: Quantity,
     shades.push({ kind: "area", name: "none on this branch: collapse", color: "bad", opacity: 0.12, ...(isMaximum ? above : below) });
   }
   const list = (run: FoldRun, name: string, q: Quantity): string =>
-    times(q.factor, `[r["${name}"] for r in run_${run.index}["fold_curve"]["points"]]`);
+    timesPython(`[r["${name}"] for r in run_${run.index}["fold_curve"]["points"]]`, q.factor);
   const curves = runs.map((run): Layer => ({
     kind: "curve", name: runs.length === 1 ? "fold: the threshold" : run.tint.name, quiet: run.tint.quiet, id: run.index,
     x: at("second_value", run, second), y: at("control_value", run, control),
@@ -224,7 +223,6 @@ export function foldFigure(runs: FoldRun[], second: Quantity, control: Quantity,
   };
 }
 
-
 /** What a fold is like, over the second parameter. */
 export function alongFoldFigure(runs: FoldRun[], second: Quantity, y: Quantity, common: Omit<Common, "at" | "isLog">): Figure {
   const height = y.key as Height;
@@ -234,8 +232,8 @@ export function alongFoldFigure(runs: FoldRun[], second: Quantity, y: Quantity, 
     y: run.folds.points.map((row) => (row[height] ?? NaN) * y.factor),
     ...(run.tint.value === undefined ? { color: "force" as const } : { value: run.tint.value }),
     python: {
-      x: times(second.factor, `[r["second_value"] for r in run_${run.index}["fold_curve"]["points"]]`),
-      y: times(y.factor, `[r["${height}"] for r in run_${run.index}["fold_curve"]["points"]]`),
+      x: timesPython(`[r["second_value"] for r in run_${run.index}["fold_curve"]["points"]]`, second.factor),
+      y: timesPython(`[r["${height}"] for r in run_${run.index}["fold_curve"]["points"]]`, y.factor),
     },
   }));
   return {

@@ -3,7 +3,7 @@ import { expect, test } from "vitest";
 import type { Counts } from "../api";
 import { design, fixedFacts, plain, rangeFacts, ranges } from "./about";
 import { hasTerm, marked, quoted, terms, toggled } from "./finding";
-import { ageText, bytesText, durationText, outcomes, outcomesText, several } from "./words";
+import { ageText, bytesText, durationText, neverSolved, outcomes, outcomesText, several } from "./words";
 
 test("bytes and durations have two or three digits", () => {
   expect([0, 999, 1000, 12_345_678, 999_600_000, 3e12].map(bytesText)).toEqual(["0 B", "999 B", "1.0 kB", "12 MB", "1.0 GB", "3.0 TB"]);
@@ -75,4 +75,9 @@ test("an ensemble in words", () => {
   expect(design(doc)).toBe("a grid of 2 axes");
   expect(ranges(doc, { varies: [{ parameter: "b", min: 1, max: 2 }] })).toEqual([{ parameter: "b", min: 1, max: 2 }]);
   expect([plain(-0.02), plain(1e7), plain(0)]).toEqual(["−0.02", "1.00 × 10⁷", "0"]);
+});
+
+test("what a cancelled ensemble left is said", () => {
+  expect(neverSolved(86, 100)).toBe("86 of 100 runs were never solved: the ensemble was cancelled.");
+  expect(neverSolved(1, 1)).toBe("1 of 1 run was never solved: the ensemble was cancelled.");
 });

@@ -67,3 +67,7 @@ export const outcomes = (counts: Counts): Outcomes[] =>
 /** The same as a sentence's part. */
 export const outcomesText = (counts: Counts): string =>
   outcomes(counts).map((o) => `${countText(o.count)} ${o.name}`).join(", ");
+
+/** What became of the runs that a cancelled ensemble left. */
+export const neverSolved = (left: number, total: number): string =>
+  `${countText(left)} of ${several(total, "run")} ${left === 1 ? "was" : "were"} never solved: the ensemble was cancelled.`;

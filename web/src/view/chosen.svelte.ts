@@ -2,19 +2,21 @@
 // colours them; with the table that they are chosen from.
 import * as api from "../api";
 import { type Columns, columns } from "../api/analysis";
-import { readRuns, spread, stage, varied } from "../lib/choice";
+import { exampleOf, readRuns, spread, stage, varied } from "../lib/choice";
 import { Loaded, dependsOn } from "./loaded.svelte";
 import { route } from "./route.svelte";
 
 export class Chosen {
   readonly rows = new Loaded<Columns>();
   #sweep: () => api.Sweep;
-  #usual: number;
+  #usual: () => number;
   #most: number;
   #statuses: string[];
+  /** What the page chose last, and of what: while runs come in, it stays. */
+  #before: { of: string; runs: number[] } = { of: "", runs: [] };
 
   /** `usual` runs are drawn where the address names none, up to `most` else; `statuses`: those that can be drawn. */
-  constructor(sweep: () => api.Sweep, usual: number, most: number, statuses: string[]) {
+  constructor(sweep: () => api.Sweep, usual: () => number, most: number, statuses: string[]) {
     this.#sweep = sweep;
     this.#usual = usual;
     this.#most = most;
@@ -27,28 +29,47 @@ export class Chosen {
   }
 
   readonly id = $derived.by(() => this.#sweep().id);
+  readonly total = $derived.by(() => this.#sweep().counts.total);
   readonly ended = $derived.by(() => api.ended(this.#sweep()));
-  readonly look = $derived.by(() => stage(this.ended, this.#sweep().counts.total, api.isOver(this.#sweep().state)));
+  readonly isOver = $derived.by(() => api.isOver(this.#sweep().state));
+  readonly look = $derived.by(() => stage(this.ended, this.total, this.isOver));
   readonly #varied = $derived.by(() => varied(this.#sweep()).join(","));
   readonly varied = $derived.by(() => this.#varied.split(",").filter((name) => name !== ""));
   readonly color = $derived(route.query["color"] ?? this.varied[0] ?? "");
   readonly filter = $derived(route.query["filter"]);
   readonly names = $derived([...new Set([...this.varied, this.color, "length_m"])].filter((name) => name !== "").join(","));
-  readonly named = $derived(readRuns(route.query["runs"]));
+  readonly #asked = $derived(readRuns(route.query["runs"]));
+  /** Runs that the address names, and those of them that there are not. */
+  readonly named = $derived(this.#asked.filter((run) => run < this.total));
+  readonly absent = $derived(this.#asked.filter((run) => run >= this.total));
+  readonly isNamed = $derived(this.#asked.length > 0);
   /** Runs of the table. */
   readonly indices = $derived((this.rows.value?.columns["run_index"] ?? []) as number[]);
+  readonly #design = $derived.by(() => {
+    const { columns: table = {} } = this.rows.value ?? {};
+    const others = this.varied.filter((name) => name !== this.color);
+    return this.indices.map((index, row) => ({
+      index,
+      value: this.#at(row),
+      others: others.map((name) => table[name]?.[row]),
+      isDrawn: this.#statuses.includes(String(table["status"]?.[row])),
+    }));
+  });
   /** Those that can be drawn. */
-  readonly candidates = $derived.by(() =>
-    this.indices.flatMap((index, row) => {
-      const status = String(this.rows.value?.columns["status"]?.[row]);
-      return this.#statuses.includes(status) ? [{ index, value: this.#at(row) }] : [];
-    }),
-  );
-  readonly drawn = $derived.by(() =>
-    this.named.length > 0 ? this.named.slice(0, this.#most) : spread(this.candidates, this.#usual),
-  );
+  readonly candidates = $derived(this.#design.filter((run) => run.isDrawn));
+  /** A condition that some of the runs meet. */
+  readonly example = $derived(exampleOf(this.rows.value?.columns ?? {}, this.varied, this.color));
+  readonly drawn = $derived.by(() => (this.isNamed ? this.named.slice(0, this.#most) : this.#spread()));
   /** The same as a text: it changes only when they do. */
   readonly key = $derived(this.drawn.join(","));
+
+  #spread(): number[] {
+    const of = [this.id, this.color, this.filter, this.#usual()].join();
+    const before = this.isOver || this.#before.of !== of ? [] : this.#before.runs;
+    const runs = spread(this.#design, this.#usual(), before);
+    this.#before = { of, runs };
+    return runs;
+  }
 
   #at(row: number): number | null {
     const value = this.rows.value?.columns[this.color]?.[row];

@@ -1,9 +1,13 @@
 // What the page knows of the service: who uses it, its dictionary, its ensembles, kept up to date.
 import * as api from "../api";
+import { busiest, idFilter, isBusy, replaced } from "../lib/busy";
 
 /** Pause between two looks at the service, while runs are under way and while not; ms. */
 const BUSY_MS = 500;
 const IDLE_MS = 5000;
+
+/** Ensembles under way that are looked at at the fast pace; the others wait for the whole list. */
+const CLOSELY = 12;
 
 /** Ensembles of a page of the list, and the most that are listed. */
 const PAGE = 100;
@@ -38,23 +42,64 @@ class Lab {
   #others = $state.raw(new Map<string, api.Sweep>());
   #timer: ReturnType<typeof setTimeout> | undefined;
   #wanted: string | undefined;
+  /** When the whole list was asked for last, ms. */
+  #listedAt = -Infinity;
+
+  constructor() {
+    // Who comes back to the page sees at once how things stand.
+    document.addEventListener("visibilitychange", () => {
+      if (!document.hidden && this.isLoaded) void this.look();
+    });
+  }
 
   /** A sweep of the list, or one that was asked for. */
   sweep(id: string): api.Sweep | undefined {
     return this.sweeps.find((s) => s.id === id) ?? this.#others.get(id);
   }
 
-  /** Looks now, and again after a pause that depends on whether runs are under way. */
-  async look(): Promise<void> {
+  /** Looks at everything now, and again after a pause that depends on whether runs are under way. */
+  look(): Promise<void> {
+    return this.#again(() => this.#look());
+  }
+
+  async #again(look: () => Promise<void>): Promise<void> {
     clearTimeout(this.#timer);
-    await this.#look();
+    await look();
     clearTimeout(this.#timer);
     // Nobody who is not logged in is asked for again and again.
     if (this.isOutside) return;
-    const known = [...this.sweeps, ...this.#others.values()];
-    const busy = known.some((s) => !api.isOver(s.state) && s.state !== "paused");
+    const busy = this.#known().some(isBusy);
     const pause = document.hidden ? 4 * IDLE_MS : busy ? BUSY_MS : IDLE_MS;
-    this.#timer = setTimeout(() => void this.look(), pause);
+    this.#timer = setTimeout(() => void this.#again(() => this.#next(busy)), pause);
+  }
+
+  #known(): api.Sweep[] {
+    return [...this.sweeps, ...this.#others.values()];
+  }
+
+  /** What is under way is looked at closely, the whole list every few seconds. */
+  #next(busy: boolean): Promise<void> {
+    const isDue = performance.now() - this.#listedAt > IDLE_MS - BUSY_MS;
+    return busy && !isDue ? this.#lookClosely() : this.#look();
+  }
+
+  /** Asks for what is under way and for nothing else. */
+  async #lookClosely(): Promise<void> {
+    const near = busiest(this.#known(), this.#wanted, CLOSELY).map((s) => s.id);
+    try {
+      const { items } = await api.sweeps(idFilter(near), near.length);
+      // What is no longer there, or no longer under way, may change what is listed.
+      if (items.length < near.length || items.some((s) => !isBusy(s))) {
+        await this.#look();
+        return;
+      }
+      this.sweeps = replaced(this.sweeps, items);
+      this.#others = new Map(replaced([...this.#others.values()], items).map((s) => [s.id, s]));
+      this.trouble = undefined;
+    } catch {
+      // The whole look tells what is wrong.
+      await this.#look();
+    }
   }
 
   /** Sees to it that a sweep is known that the list may not have. */
@@ -115,6 +160,7 @@ class Lab {
   }
 
   async #look(): Promise<void> {
+    this.#listedAt = performance.now();
     try {
       const asked = this.filter;
       // At once: through a tunnel every answer takes its time.

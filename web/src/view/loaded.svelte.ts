@@ -18,11 +18,15 @@ export class Loaded<T> {
   #wanted: (() => Promise<T>) | undefined;
   #last: (() => Promise<T>) | undefined;
   #working = false;
+  /** Counts wishes; an answer counts only as long as none came after the one it is to. */
+  #generation = 0;
 
   /** Asks, now or after the request that is under way. */
   ask(wanted: () => Promise<T>): void {
+    this.#generation += 1;
     this.#wanted = wanted;
     this.#last = wanted;
+    this.loading = true;
     if (this.#working) return;
     this.#working = true;
     void this.#work();
@@ -33,25 +37,29 @@ export class Loaded<T> {
     if (this.#last) this.ask(this.#last);
   }
 
-  /** Forgets what is there. */
+  /** Forgets what is there, what was asked for, and what is still to come. */
   clear(): void {
+    this.#generation += 1;
     this.value = undefined;
     this.problem = undefined;
     this.error = undefined;
+    this.loading = false;
     this.#wanted = undefined;
+    this.#last = undefined;
   }
 
   async #work(): Promise<void> {
-    this.loading = true;
     while (this.#wanted) {
-      const next = this.#wanted;
+      const [next, generation] = [this.#wanted, this.#generation];
       this.#wanted = undefined;
       try {
         const value = await next();
+        if (generation !== this.#generation) continue;
         this.value = value;
         this.problem = undefined;
         this.error = undefined;
       } catch (error) {
+        if (generation !== this.#generation) continue;
         this.problem = sentence(error);
         this.error = error;
       }

@@ -1,5 +1,5 @@
 // What the page shows stands in its address, after the #, so that a link shows a colleague the same picture.
-import { type Place, readPlace, writePlace } from "../lib/place";
+import { type Place, along, readPlace, writePlace } from "../lib/place";
 
 class Route {
   #place: Place = $state.raw(readPlace(location.hash));
@@ -46,8 +46,7 @@ class Route {
 
   /** What goes along from place to place: the units, and what is listed. */
   #kept(): Record<string, string> {
-    const { speed, find } = this.#place.query;
-    return { ...(speed === undefined ? {} : { speed }), ...(find === undefined ? {} : { find }) };
+    return along(this.#place.query);
   }
 }
 

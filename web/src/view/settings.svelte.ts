@@ -25,8 +25,11 @@ const keep = (name: string, value: string): void => {
 const isSpeed = (text: string | null | undefined): text is Speed => text === "m_per_day" || text === "m_per_a";
 const isChoice = (text: string | null): text is Choice => text === "light" || text === "dark" || text === "system";
 
+/** The unit of an address that names none. */
+const USUAL: Speed = "m_per_day";
+
 class Settings {
-  #speed: Speed = $state("m_per_day");
+  #speed: Speed = $state(USUAL);
   #choice: Choice = $state("system");
   #systemIsDark = $state(false);
 
@@ -41,6 +44,12 @@ class Settings {
       this.apply();
     });
     this.apply();
+    // A unit that is remembered shows in the picture, so it stands in the address wherever one comes.
+    $effect.root(() => {
+      $effect(() => {
+        if (this.#speed !== USUAL && route.query["speed"] === undefined) route.set({ speed: this.#speed });
+      });
+    });
   }
 
   /** Unit of speeds. */

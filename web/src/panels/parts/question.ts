@@ -7,4 +7,6 @@ export interface Question {
   verb: string;
   isDanger?: boolean;
   act: () => Promise<unknown>;
+  /** Once it is done and the question has gone: where the keyboard goes on. */
+  after?: () => void;
 }
