@@ -13,7 +13,7 @@ const faults = [];
 async function open(place, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
   const page = await context.newPage();
-  page.setDefaultTimeout(15_000);
+  page.setDefaultTimeout(45_000);
   page.on("pageerror", (e) => faults.push(String(e)));
   await page.goto(`${url}/#/${place}`);
   return page;
