@@ -15,7 +15,7 @@ const seen = {};
 try {
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, acceptDownloads: true });
   const page = await context.newPage();
-  page.setDefaultTimeout(10_000);
+  page.setDefaultTimeout(45_000);
   const faults = [];
   page.on("pageerror", (e) => faults.push(String(e)));
   const shot = async (name) => folder && page.screenshot({ path: `${folder}/${name}.png`, fullPage: true });
