@@ -162,6 +162,8 @@ async function compare(seen) {
   await page.getByText("One more is needed to compare with.").waitFor();
   await page.getByRole("searchbox", { name: "Find" }).fill(`id = "${verdicts}"`);
   await page.getByRole("searchbox", { name: "Find" }).press("Enter");
+  // Before, the first of the list is another one.
+  await page.getByRole("status").filter({ hasText: "1 ensemble found." }).waitFor();
   await page.getByRole("checkbox", { name: /^Compare / }).first().check();
   await page.getByTestId("comparison").waitFor();
   seen.comparison = await page.getByTestId("comparison").textContent();
