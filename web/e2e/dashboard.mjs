@@ -42,6 +42,11 @@ try {
     }
     assert.ok(await opened(), "no point could be clicked");
     await page.getByText("Thickness about sea level").first().waitFor();
+    const thickness = await page.getByTestId("thickness_0_m").textContent();
+    const [, id, index] = page.url().match(/sweep\/(\w+)\/profiles\?.*runs=(\d+)/) ?? [];
+    const table = await fetch(`${url}/api/v1/sweeps/${id}/runs?filter=${encodeURIComponent(`run_index = ${index}`)}`);
+    const [run] = (await table.json()).items;
+    assert.equal(Number.parseFloat(thickness ?? ""), Number(run.thickness_0_m.toPrecision(4)), "the run that was clicked");
     if (folder) await page.screenshot({ path: `${folder}/dashboard-${colorScheme}.png`, fullPage: true });
 
     await withoutViolations(page);

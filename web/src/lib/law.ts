@@ -2,7 +2,7 @@
 // prefactors, rates and slopes, and the interval of a power law's prefactor.
 import type { Fit, Law } from "../api";
 import { show, unitText } from "./numbers";
-import { capital } from "./quantity";
+import { capital } from "./quantities";
 import { type Shown, quotient } from "./units";
 
 export interface Interval {

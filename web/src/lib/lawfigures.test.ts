@@ -2,9 +2,9 @@
 import { expect, test } from "vitest";
 import type { LawGroup, Laws } from "../api/analysis";
 import { type LawView, hasLocal, localFigure, whyNoLocal } from "./lawfigures";
-import type { Quantity } from "./quantity";
+import type { Quantity } from "./quantities";
 
-const quantity = (name: string, words: string, unit: string): Quantity => ({ name, words, unit, factor: 1 });
+const quantity = (key: string, name: string, unit: string): Quantity => ({ key, name, unit, factor: 1, meaning: "" });
 const width = quantity("width_m", "width", "m");
 
 const group = (at: number, x: number[], why: string | null): LawGroup => ({

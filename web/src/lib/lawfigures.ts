@@ -5,7 +5,7 @@ import type { ColourName } from "../chart/theme";
 import type { AxisSpec, Figure, Layer, Scale, Symbol } from "../chart/figure";
 import { LAWS, exponentFactor, exponentUnit } from "./law";
 import { show, unitText } from "./numbers";
-import { type Quantity, capital, timesPython } from "./quantity";
+import { type Quantity, capital, timesPython } from "./quantities";
 import { tickText } from "./ticks";
 import { scaled } from "./units";
 import { isWide } from "./varied";
@@ -39,7 +39,7 @@ export function middle({ from, to }: LawGroup): number | null {
 
 /** A group's values in words. */
 export function groupText(group: LawGroup, by: Quantity): string {
-  if (middle(group) === null) return `no ${by.words}`;
+  if (middle(group) === null) return `no ${by.name}`;
   const [from, to] = [group.from, group.to].map((v) => tickText(Number(((v ?? 0) * by.factor).toPrecision(4))));
   const unit = unitText(by.unit);
   return `${from === to ? from : `${from} to ${to}`}${unit ? ` ${unit}` : ""}`;
@@ -50,7 +50,7 @@ export function groupScale(laws: Laws, by: Quantity): Scale | undefined {
   const values = laws.groups.flatMap((group) => middle(group) ?? []).map((v) => v * by.factor);
   if (values.length < 2) return undefined;
   const [min, max] = [Math.min(...values), Math.max(...values)];
-  return { name: by.words, unit: by.unit, min, max, log: isWide(min, max) };
+  return { name: by.name, unit: by.unit, min, max, log: isWide(min, max) };
 }
 
 /** How many of the runs that laws use are drawn. */
@@ -61,8 +61,8 @@ export function thinned(laws: Laws): string[] {
   return [`Showing ${count(laws.shown)} of ${count(used)} runs: a random choice that is always the same. The law uses all of them.`];
 }
 
-const axis = (q: Quantity, log: boolean): AxisSpec => ({ name: q.words, unit: q.unit, log });
-const titled = (view: LawView, text: string): string => `${text}${view.group ? ` for each ${view.group.words}` : ""}: ${view.ensemble}`;
+const axis = (q: Quantity, log: boolean): AxisSpec => ({ name: q.name, unit: q.unit, log });
+const titled = (view: LawView, text: string): string => `${text}${view.group ? ` for each ${view.group.name}` : ""}: ${view.ensemble}`;
 
 interface Parts {
   group: LawGroup;
@@ -81,7 +81,7 @@ function groupsOf(view: LawView, laws: Laws, name: string): Parts[] {
       python: `${name}["groups"][${i}]`,
       place: at === null ? undefined : at * (view.group?.factor ?? 1),
       symbol: SYMBOLS[i % SYMBOLS.length] ?? "circle",
-      name: view.group ? `${view.group.words} ${groupText(group, view.group)}` : view.y.words,
+      name: view.group ? `${view.group.name} ${groupText(group, view.group)}` : view.y.name,
     };
   });
 }
@@ -140,14 +140,14 @@ function lawLayers(view: LawView, laws: Laws, data: string, look: Look): Layer[]
 export function lawFigure(view: LawView): Figure {
   const { laws, quasi, y } = view;
   const scale = view.group ? groupScale(laws, view.group) : undefined;
-  const named = quasi ? "F/W (Eq. 30)" : y.words;
+  const named = quasi ? "F/W (Eq. 30)" : y.name;
   const layers = lawLayers(view, laws, "law", { color: "force", hollow: false, line: "solid", named, isFitted: true });
   if (quasi) {
     const look: Look = { color: "quasiStatic", hollow: true, line: "dashed", named: "quasi-static estimate", isFitted: quasi.isFitted };
     layers.push(...lawLayers(view, quasi.laws, "quasi", look));
   }
   return {
-    title: titled(view, `${capital(y.words)} against ${view.x.words}`),
+    title: titled(view, `${capital(y.name)} against ${view.x.name}`),
     x: axis(view.x, view.isLogX),
     y: axis(y, view.isLogY),
     layers,
@@ -178,7 +178,7 @@ export function residualFigure(view: LawView): Figure {
   return {
     title: titled(view, `Residuals of the ${LAWS[laws.model].name}`),
     x: axis(x, view.isLogX),
-    y: isLinear ? { name: `residual of ${y.words}`, unit: y.unit } : { name: `residual of ln ${y.words}`, unit: "1" },
+    y: isLinear ? { name: `residual of ${y.name}`, unit: y.unit } : { name: `residual of ln ${y.name}`, unit: "1" },
     layers: [{ kind: "guide", name: "no misfit", y: 0, quiet: true }, ...layers],
     ...(scale ? { scale } : {}),
     data: { law: view.path },
@@ -226,14 +226,14 @@ export function localFigure(view: LawView): Figure {
     if (fit && !view.group) layers.push({ kind: "guide", name: `of the law: ${show(fit.exponent.estimate * factor, 4)}`, y: fit.exponent.estimate * factor, color: "fit" });
   }
   return {
-    title: titled(view, `Local ${number} of ${y.words} over ${x.words}`),
+    title: titled(view, `Local ${number} of ${y.name} over ${x.name}`),
     x: axis(x, view.isLogX),
     y: { name: `local ${number}`, unit: exponentUnit(laws.model, x, y) },
     layers,
     ...(scale ? { scale } : {}),
     data: { law: view.path },
     notes: [
-      `The slope between neighbours in ${x.words}: where it drifts, no single ${number} holds.`,
+      `The slope between neighbours in ${x.name}: where it drifts, no single ${number} holds.`,
       ...(laws.groups.some((group) => group.also_varies.length > 0) ? ["It is taken between runs that agree in all else, and is their mean."] : []),
       ...whyNoLocal(laws, view.group),
     ],
@@ -254,7 +254,7 @@ export function exponentsFigure(view: LawView & { group: Quantity }): Figure {
       timesPython(`[g${path} for g in ${data}["groups"] if g["fit"] and g["from"] is not None]`, by_factor);
     return {
       kind: "interval",
-      name: isQuasi ? "quasi-static estimate" : y.words,
+      name: isQuasi ? "quasi-static estimate" : y.name,
       color: isQuasi ? "quasiStatic" : "force",
       hollow: isQuasi,
       x: fitted.map(({ at }) => at * by.factor),
@@ -271,7 +271,7 @@ export function exponentsFigure(view: LawView & { group: Quantity }): Figure {
   };
   const scale = groupScale(laws, by);
   return {
-    title: `${capital(number)} of the ${name} of ${y.words} over ${x.words} against ${by.words}: ${view.ensemble}`,
+    title: `${capital(number)} of the ${name} of ${y.name} over ${x.name} against ${by.name}: ${view.ensemble}`,
     x: axis(by, scale?.log ?? false),
     y: { name: number, unit: exponentUnit(laws.model, x, y) },
     layers: [layer(laws, "law", false), ...(quasi?.isFitted ? [layer(quasi.laws, "quasi", true)] : [])],

@@ -4,7 +4,7 @@ import { type Laws, lawsPath } from "../api/analysis";
 import type { Expressions, Figure, Layer, Scatter, Symbol } from "../chart/figure";
 import type { ColourName } from "../chart/theme";
 import { words_of } from "./numbers";
-import { capital, timesPython } from "./quantity";
+import { capital, timesPython } from "./quantities";
 import { type Speed, scaled, shownIn } from "./units";
 import { countText } from "./words";
 

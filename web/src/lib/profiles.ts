@@ -5,7 +5,7 @@ import type { Profile } from "../api";
 import type { AxisSpec, Curve, Figure, Layer, Scale } from "../chart/figure";
 import type { ColourName } from "../chart/theme";
 import { SUBMERGED, freeboard, show, withEnds } from "./numbers";
-import { timesPython } from "./quantity";
+import { timesPython } from "./quantities";
 import { type Speed, scaled, shownIn } from "./units";
 
 /** What is drawn of a run. */

@@ -49,6 +49,13 @@ export function told(q: Quantity, value: number | null | undefined): string {
   return `${q.name} ${text.replace("-", "−")} ${unitText(q.unit)}`.trim();
 }
 
+/** A text with a capital, for the beginning of a title. */
+export const capital = (text: string): string => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** A Python expression with its numbers multiplied. */
+export const timesPython = (expression: string, factor: number): string =>
+  factor === 1 ? expression : `[v if v is None else ${factor} * v for v in ${expression}]`;
+
 /** A sentence of the service with the names in it put into words, and their numbers as they are shown. */
 export function plain(text: string, dictionary: Dictionary, speed: Speed): string {
   const known = new Set([...dictionary.parameters, ...dictionary.scalars, ...(dictionary.controls ?? [])].map((entry) => entry.name));

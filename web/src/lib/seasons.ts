@@ -2,8 +2,7 @@
 import type { Series } from "../../generated/schema";
 import type { Curve, Figure, Layer, Scale } from "../chart/figure";
 import { show } from "./numbers";
-import type { Quantity } from "./quantities";
-import { capital, timesPython } from "./quantity";
+import { type Quantity, capital, timesPython } from "./quantities";
 import type { Tint } from "./tint";
 import { scaled } from "./units";
 

@@ -2,8 +2,7 @@
 // folds over two parameters.
 import type { Branch, CurveRow, Folds } from "../../generated/schema";
 import type { Figure, Layer, Scale, Scatter } from "../chart/figure";
-import type { Quantity } from "./quantities";
-import { timesPython } from "./quantity";
+import { type Quantity, timesPython } from "./quantities";
 import type { Tint } from "./tint";
 
 /** What a branch may be drawn against its parameter. */

@@ -5,6 +5,8 @@ mod across;
 mod arrivals;
 mod at;
 mod care;
+#[cfg(test)]
+mod filled;
 mod filter;
 mod foreign;
 mod insert;

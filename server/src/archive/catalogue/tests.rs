@@ -1,48 +1,28 @@
 //! Lists and counts of sweeps larger than what is counted without an index, and than what is sorted from one.
 
+use super::filled::filled;
 use super::list::{count, runs};
 use super::{Listing, Order, kind_of};
 use crate::domain::filter::Filter;
-use crate::domain::parameters::PARAMETERS;
 use crate::store::Store;
 use serde_json::{Value, json};
-use sqlx::AssertSqlSafe;
 
 /// A store with one sweep of d by b: 400 values of b for each one of d. One in ten runs found no steady
 /// state, one in 500 failed; those that failed have no force, nor have the last thousand.
 async fn store(runs: i64) -> (tempfile::TempDir, Store) {
-    let folder = tempfile::tempdir().expect("a folder");
-    let store = Store::open(folder.path()).await.expect("a store");
-    let names: String = PARAMETERS.iter().map(|p| format!(", \"{}\"", p.name)).collect();
-    let values: String = PARAMETERS
-        .iter()
-        .map(|p| match p.name {
-            "d_m" => ", 10 + (i / 400) * 0.1".to_owned(),
-            "b" => ", 1e4 + 10.0 * (i % 400)".to_owned(),
-            _ => format!(", {}", p.default),
-        })
-        .collect();
-    let sql = format!(
-        "WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < {}) \
-         INSERT INTO runs (sweep, run_index, run_id, chunk, home_sweep, home_chunk, status, detail, \
-         regime, upstream_closure, iterations, axis_1, axis_2, force_n_per_m{names}) \
-         SELECT 1, i, 'id' || i, 0, 1, 0, \
-         CASE WHEN i % 500 = 7 THEN 'failed' WHEN i % 10 = 3 THEN 'no_steady_state' ELSE 'converged' END, '', 'steady', 'published', i % 1000, \
-         10 + (i / 400) * 0.1, 1e4 + 10.0 * (i % 400), \
-         CASE WHEN i < {} AND i % 500 <> 7 THEN 1e6 + (i * 7919) % 1000 ELSE NULL END{values} FROM n",
-        runs - 1,
-        runs - 1000,
-    );
-    let mut tx = store.write().await.expect("a transaction");
-    sqlx::query(AssertSqlSafe(sql)).execute(&mut *tx).await.expect("the rows fit the schema");
-    sqlx::query("INSERT INTO homes VALUES (1, 0, 1, 0, $1, 0, $2, 0)")
-        .bind(runs)
-        .bind(runs - 1)
-        .execute(&mut *tx)
-        .await
-        .expect("the row fits the schema");
-    tx.commit().await.expect("it commits");
-    (folder, store)
+    let (d, b) = ("10 + (i / 400) * 0.1", "1e4 + 10.0 * (i % 400)");
+    let status = "CASE WHEN i % 500 = 7 THEN 'failed' WHEN i % 10 = 3 THEN 'no_steady_state' ELSE 'converged' END";
+    let has_force = format!("i < {} AND i % 500 <> 7", runs - 1000);
+    let force = format!("CASE WHEN {has_force} THEN 1e6 + (i * 7919) % 1000 END");
+    let columns = [
+        ("d_m", d),
+        ("axis_1", d),
+        ("b", b),
+        ("axis_2", b),
+        ("status", status),
+        ("force_n_per_m", force.as_str()),
+    ];
+    filled(runs, &columns).await
 }
 
 #[tokio::test]

@@ -77,6 +77,7 @@ pub(super) fn columns(sample: &SampleForm, ranges: &[Range]) -> Result<Columns, 
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::values;
     use super::*;
 
     fn sample(n: u64, seed: u64) -> SampleForm {
@@ -86,20 +87,11 @@ mod tests {
         serde_json::from_str(&text).expect("a sample")
     }
 
-    /// By column: b, mu_s, n_cells.
-    fn values(form: &SampleForm) -> Vec<Vec<f64>> {
-        let columns = form.columns().expect("points");
-        let of = |column: &Column| match column {
-            Column::Parameter(_, values) => values.to_vec(),
-            Column::Closure(_) => panic!("a sample has no closures"),
-        };
-        columns.iter().map(of).collect()
-    }
-
     #[test]
     fn each_base_point_has_its_runs_in_the_order_told() {
         let form = sample(16, 3);
         assert_eq!(form.count(), 16 * 5);
+        // By column: b, mu_s, n_cells.
         let columns = values(&form);
         for (place, column) in columns.iter().enumerate() {
             assert_eq!(column.len(), form.count());

@@ -9,7 +9,8 @@ fn sample(method: &str, n: u64, seed: u64) -> SampleForm {
     serde_json::from_str(&text).expect("a sample")
 }
 
-fn values(form: &SampleForm) -> Vec<Vec<f64>> {
+/// Values of the parameters by column, in the order of the table of parameters.
+pub fn values(form: &SampleForm) -> Vec<Vec<f64>> {
     let columns = form.columns().expect("points");
     let of = |column: &Column| match column {
         Column::Parameter(_, values) => values.to_vec(),

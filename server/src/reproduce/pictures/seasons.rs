@@ -103,18 +103,26 @@ fn range(runs: &[(Line, Vec<Instant>)], number: impl Fn(&Instant) -> f64) -> (f6
     (least(all()), largest(all()))
 }
 
+/// Force of an instant, as its axis shows it.
+fn force(s: &Instant) -> f64 {
+    s.force_n_per_m / MEGA
+}
+
+fn force_axis(end: f64) -> Axis {
+    Axis::new("Force *F*/*W* (MN m^\u{2212}1^)", 0.0, end)
+}
+
 fn over_time(
     letter: &str,
     frame: Frame,
     (title, forcing): Forcing,
     runs: &[(Line, Vec<Instant>)],
 ) -> Panel {
-    let force = |s: &Instant| s.force_n_per_m / MEGA;
     let (_, end_a) = range(runs, |s| s.time_a);
     let (_, strongest) = range(runs, force);
     let (low, high) = range(runs, forcing);
     let x = Axis::new("Time (a)", 0.0, end_a);
-    let y = Axis::new("Force *F*/*W* (MN m^\u{2212}1^)", 0.0, strongest / FORCE_BELOW);
+    let y = force_axis(strongest / FORCE_BELOW);
     let mut panel = Panel::new(letter, frame, x, y.marked(0.0, 1.02 * strongest));
     for (line, series) in runs {
         panel.curve(line, series.iter().map(|s| (s.time_a, force(s))));
@@ -147,12 +155,11 @@ fn loops(
     (title, forcing): Forcing,
     runs: &[(Line, Vec<Instant>)],
 ) -> Panel {
-    let force = |s: &Instant| s.force_n_per_m / MEGA;
     let (low, high) = range(runs, forcing);
     let margin = 0.05 * (high - low);
     let (_, strongest) = range(runs, force);
     let x = Axis::new(title, low - margin, high + margin);
-    let y = Axis::new("Force *F*/*W* (MN m^\u{2212}1^)", 0.0, 1.06 * strongest);
+    let y = force_axis(1.06 * strongest);
     let mut panel = Panel::new(letter, frame, x, y);
     for (line, series) in runs {
         panel.curve(line, series.iter().map(|s| (forcing(s), force(s))));

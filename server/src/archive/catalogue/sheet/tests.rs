@@ -1,40 +1,22 @@
 //! Columns of runs beside what the rows say, and the choice among too many, with ids of all kinds.
 
+use super::super::filled::filled;
 use super::*;
 use crate::store::Store;
-use sqlx::AssertSqlSafe;
 
 /// A store with a sweep of so many runs, whose ids are what an expression of i makes of them. One in ten failed and
 /// has no force.
 async fn store(runs: i64, id: &str) -> (tempfile::TempDir, Store) {
-    let folder = tempfile::tempdir().expect("a folder");
-    let store = Store::open(folder.path()).await.expect("a store");
-    let names: String = PARAMETERS.iter().map(|p| format!(", \"{}\"", p.name)).collect();
-    let values: String = PARAMETERS
-        .iter()
-        .map(|p| match p.name {
-            "d_m" => ", 10 + i * 0.1".to_owned(),
-            _ => format!(", {}", p.default),
-        })
-        .collect();
-    let sql = format!(
-        "WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < {}) \
-         INSERT INTO runs (sweep, run_index, run_id, chunk, home_sweep, home_chunk, status, detail, \
-         regime, upstream_closure, iterations, axis_1, force_n_per_m, volume_m3{names}) \
-         SELECT 1, i, {id}, 0, 1, 0, CASE WHEN i % 10 = 3 THEN 'failed' ELSE 'converged' END, '', 'steady', \
-         'published', i % 7, 10 + i * 0.1, CASE WHEN i % 10 <> 3 THEN 1e6 + i END, 9e999{values} FROM n",
-        runs - 1,
-    );
-    let mut tx = store.write().await.expect("a transaction");
-    sqlx::query(AssertSqlSafe(sql)).execute(&mut *tx).await.expect("the rows fit the schema");
-    sqlx::query("INSERT INTO homes VALUES (1, 0, 1, 0, $1, 0, $2, 0)")
-        .bind(runs)
-        .bind(runs - 1)
-        .execute(&mut *tx)
-        .await
-        .expect("the row fits the schema");
-    tx.commit().await.expect("it commits");
-    (folder, store)
+    let columns = [
+        ("run_id", id),
+        ("d_m", "10 + i * 0.1"),
+        ("axis_1", "10 + i * 0.1"),
+        ("status", "CASE WHEN i % 10 = 3 THEN 'failed' ELSE 'converged' END"),
+        ("force_n_per_m", "CASE WHEN i % 10 <> 3 THEN 1e6 + i END"),
+        ("volume_m3", "9e999"),
+        ("iterations", "i % 7"),
+    ];
+    filled(runs, &columns).await
 }
 
 /// Evenly spread like hashes.
