@@ -379,12 +379,13 @@ fn a_service_that_is_told_to_end_finishes_what_it_can_and_loses_nothing() {
     wait_until("it listens no more", || {
         TcpStream::connect(server.address.trim_start_matches("http://")).is_err()
     });
+    // Connections hear of it one after another, a little after nobody is let in: when one has ended, all have heard.
+    let mut rest = Vec::new();
+    events.read_to_end(&mut rest).expect("the stream ends");
     // Whoever was asking gets the answer, and hears that it is the last one.
     asking.write_all(b"host: localhost\r\n\r\n").expect("it still reads");
     let told = head(&mut BufReader::new(asking));
     assert!(told.starts_with("http/1.1 200") && told.contains("connection: close"), "{told}");
-    let mut rest = Vec::new();
-    events.read_to_end(&mut rest).expect("the stream ends");
     let mut body = Vec::new();
     download.read_to_end(&mut body).expect("the whole table");
     assert_eq!(body.len(), length);
