@@ -6,7 +6,7 @@ use crate::melt::Place;
 use crate::params::Parameters;
 use crate::physics::local_fluidity_rate;
 use crate::state::State;
-use crate::transect::transect;
+use crate::transect::wall_strain_rate_per_a;
 
 /// Ice that enters, melts and leaves, m³ a⁻¹.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,8 +73,7 @@ pub fn inertial_number(model: &Model, s: &State, terminus_x_m: f64) -> f64 {
     let across = (0..=10).map(|k| {
         let chi = f64::from(k) / 10.0;
         let cell = ((chi * s.n_cells() as f64) as usize).min(s.n_cells() - 1);
-        let t = transect(model, s, terminus_x_m, chi);
-        t.mu_w.abs() * t.fluidity_per_a[0] / rate(s.thickness_m[cell])
+        wall_strain_rate_per_a(model, s, terminus_x_m, chi) / rate(s.thickness_m[cell])
     });
     along.chain(across).fold(0.0, f64::max)
 }
@@ -112,14 +111,13 @@ impl Caveat {
         strain_rate_per_a < COMPRESSION * p.strain_rate_regularisation_per_a
     }
 
-    /// All that hold of a state.
-    pub fn of(model: &Model, s: &State, terminus_x_m: f64) -> Vec<Self> {
-        let p = model.parameters();
+    /// All that hold of a state, told its [`inertial_number`].
+    pub fn of(p: &Parameters, s: &State, inertial_number: f64) -> Vec<Self> {
         let (smallest, _) = strain_rates_per_a(s);
         let holds = [
             (Self::Compression, Self::compressed(p, smallest)),
             (Self::Thin, s.thickness_0_m() < THIN * p.d_m),
-            (Self::Inertial, inertial_number(model, s, terminus_x_m) > INERTIAL),
+            (Self::Inertial, inertial_number > INERTIAL),
         ];
         holds.into_iter().filter_map(|(caveat, holds)| holds.then_some(caveat)).collect()
     }

@@ -29,18 +29,9 @@ pub struct Transect {
 /// g^y (C5) and u (C6) of a section. At χ between two nodes μ_w, H and W are those of the nodes,
 /// interpolated; `terminus_x_m` is X₀. χ is from 0 to 1.
 pub fn transect(model: &Model, s: &State, terminus_x_m: f64, chi: f64) -> Transect {
-    let n = s.n_cells();
-    let place = chi * n as f64;
-    let left = (place.floor() as usize).min(n - 1);
-    let share = place - left as f64;
-    let between = |a: f64, b: f64| a + share * (b - a);
-    let [a, b] = [left, left + 1].map(|node| section(model, s, terminus_x_m, node));
-    let section = Section {
-        mu_w: between(a.mu_w, b.mu_w),
-        thickness_m: between(a.thickness_m, b.thickness_m),
-        width_m: between(a.width_m, b.width_m),
-    };
-    let (y_m, velocity_m_per_a, fluidity_per_a) = across(model.parameters(), section);
+    let section = section_at(model, s, terminus_x_m, chi);
+    let fluidity_per_a = fluidity(model.parameters(), section);
+    let (y_m, velocity_m_per_a) = velocity(section, &fluidity_per_a);
     Transect {
         chi,
         x_m: chi * s.length_m,
@@ -48,7 +39,28 @@ pub fn transect(model: &Model, s: &State, terminus_x_m: f64, chi: f64) -> Transe
         mu_w: section.mu_w,
         y_m,
         velocity_m_per_a,
-        fluidity_per_a,
+        fluidity_per_a: fluidity_per_a.to_vec(),
+    }
+}
+
+/// ε̇_e = |μ_w| g^y at the wall, a⁻¹; arguments as for [`transect()`].
+pub fn wall_strain_rate_per_a(model: &Model, s: &State, terminus_x_m: f64, chi: f64) -> f64 {
+    let section = section_at(model, s, terminus_x_m, chi);
+    section.mu_w.abs() * fluidity(model.parameters(), section)[0]
+}
+
+/// The section at χ, between those of the nodes beside it.
+fn section_at(model: &Model, s: &State, terminus_x_m: f64, chi: f64) -> Section {
+    let n = s.n_cells();
+    let place = chi * n as f64;
+    let left = (place.floor() as usize).min(n - 1);
+    let share = place - left as f64;
+    let between = |a: f64, b: f64| a + share * (b - a);
+    let [a, b] = [left, left + 1].map(|node| section(model, s, terminus_x_m, node));
+    Section {
+        mu_w: between(a.mu_w, b.mu_w),
+        thickness_m: between(a.thickness_m, b.thickness_m),
+        width_m: between(a.width_m, b.width_m),
     }
 }
 
@@ -67,14 +79,21 @@ fn section(model: &Model, s: &State, terminus_x_m: f64, node: usize) -> Section 
     Section { mu_w: s.mu_w[node], thickness_m, width_m }
 }
 
-/// y, u and g^y of a section: tridiagonal elimination of C5, then the differences of C6, upwards from
-/// the wall over the even points and back over the odd ones from u_{M−1} = u_M.
-fn across(p: &Parameters, section: Section) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+/// |μ| of a section, from the wall to the centre.
+fn stress_ratios(section: Section) -> [f64; INTERVALS + 1] {
+    std::array::from_fn(|m| section.mu_w.abs() * (1.0 - m as f64 / INTERVALS as f64))
+}
+
+/// Δy of a section, m.
+fn dy_m(section: Section) -> f64 {
+    section.width_m / (2.0 * INTERVALS as f64)
+}
+
+/// g^y of a section: tridiagonal elimination of C5.
+fn fluidity(p: &Parameters, section: Section) -> [f64; INTERVALS + 1] {
     const M: usize = INTERVALS;
-    let dy = section.width_m / (2.0 * M as f64);
-    let kappa = (dy / (p.A * p.d_m)).powi(2);
-    let mu: [f64; M + 1] =
-        std::array::from_fn(|m| section.mu_w.abs() * (1.0 - m as f64 / M as f64));
+    let kappa = (dy_m(section) / (p.A * p.d_m)).powi(2);
+    let mu = stress_ratios(section);
     let unit = local_fluidity_rate(p, section.thickness_m);
     let mut g = [0.0; M + 1];
     let mut inverse = [0.0; M + 1];
@@ -91,6 +110,14 @@ fn across(p: &Parameters, section: Section) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
         g[m] += inverse[m] * next;
     }
     (g[0], g[M]) = (g[1], g[M - 1]);
+    g
+}
+
+/// y and u of a section: the differences of C6, upwards from the wall over the even points and back over the odd
+/// ones from u_{M−1} = u_M.
+fn velocity(section: Section, g: &[f64; INTERVALS + 1]) -> (Vec<f64>, Vec<f64>) {
+    const M: usize = INTERVALS;
+    let (dy, mu) = (dy_m(section), stress_ratios(section));
     let rise = |m: usize| 4.0 * dy * mu[m] * g[m] * section.mu_w.signum();
     let mut u = [0.0; M + 1];
     for m in (1..M).step_by(2) {
@@ -100,6 +127,5 @@ fn across(p: &Parameters, section: Section) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     for m in (2..M - 1).rev().step_by(2) {
         u[m - 1] = u[m + 1] - rise(m);
     }
-    let y = (0..=M).map(|m| m as f64 * dy).collect();
-    (y, u.to_vec(), g.to_vec())
+    ((0..=M).map(|m| m as f64 * dy).collect(), u.to_vec())
 }

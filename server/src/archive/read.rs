@@ -6,9 +6,7 @@ use super::{ArchiveError, files, long, recall};
 use crate::domain::calibrated::Calibrated;
 use crate::domain::curve::{BranchCurve, CurveRow, FoldCurve};
 use crate::domain::document::Regime;
-use crate::domain::outcome::{
-    EffectiveParameters, Outcome, PROFILE, Profile, SERIES, Series, StoredState,
-};
+use crate::domain::outcome::{Outcome, PROFILE, Profile, SERIES, Series, StoredState};
 use crate::domain::rows::Row;
 use crate::domain::status::Status;
 use crate::store::Store;
@@ -104,32 +102,20 @@ pub fn outcome(archive: &Path, entry: &Entry) -> Result<Outcome, ArchiveError> {
 /// The result of a run, but for its tables: nothing is read from files.
 pub fn without_tables(entry: &Entry) -> Result<Outcome, ArchiveError> {
     let text = |name: &str| entry.row.text(name).to_owned();
+    let told = |name: &str| Some(text(name)).filter(|t| !t.is_empty());
+    let status = Status::from_name(entry.row.text("status"))
+        .ok_or_else(|| ArchiveError::Status { run_id: text("run_id"), status: text("status") })?;
+    let (regime, closure) = (entry.row.text("regime"), entry.row.text("upstream_closure"));
     Ok(Outcome {
-        status: Status::from_name(entry.row.text("status")).ok_or_else(|| {
-            ArchiveError::Status { run_id: text("run_id"), status: text("status") }
-        })?,
         detail: text("detail"),
-        parameters: EffectiveParameters(entry.parameters),
-        regime: text("regime"),
-        upstream_closure: text("upstream_closure"),
         scalars: entry.scalars,
         iterations: entry.row.whole("iterations").unwrap_or_default(),
         attempts: entry.row.whole("attempts").unwrap_or(1),
         residual_history: entry.residual_history.clone(),
-        root_evidence: Some(text("root_evidence")).filter(|t| !t.is_empty()),
-        validity: Some(text("validity")).filter(|t| !t.is_empty()),
-        grid_convergence: Some(text("grid_convergence")).filter(|t| !t.is_empty()),
-        grid_error: None,
-        profile: None,
-        series: None,
-        states: None,
-        branch: None,
-        fold_curve: None,
-        calibration: None,
-        sensitivities: Vec::new(),
-        discrete_roots: Vec::new(),
-        transects: Vec::new(),
-        provenance: None,
+        root_evidence: told("root_evidence"),
+        validity: told("validity"),
+        grid_convergence: told("grid_convergence"),
+        ..Outcome::bare(status, entry.parameters, regime, closure)
     })
 }
 

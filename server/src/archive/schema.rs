@@ -335,38 +335,15 @@ fn series_columns(runs: &[SolvedRun]) -> Vec<ArrayRef> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::outcome::{EffectiveParameters, Outcome, Scalars};
+    use crate::domain::outcome::Outcome;
     use crate::domain::status::Status;
     use arrow_array::cast::AsArray;
     use arrow_array::types::{Float64Type, Int64Type};
     use arrow_array::{Array, RecordBatch};
 
     fn run(run_index: usize, attempts: u64, residual_history: Option<Vec<f64>>) -> SolvedRun {
-        let outcome = Outcome {
-            status: Status::Failed,
-            detail: String::new(),
-            parameters: EffectiveParameters(Default::default()),
-            regime: "steady".into(),
-            upstream_closure: "published".into(),
-            scalars: Scalars::default(),
-            iterations: 0,
-            attempts,
-            residual_history,
-            root_evidence: None,
-            validity: None,
-            grid_convergence: None,
-            grid_error: None,
-            profile: None,
-            series: None,
-            states: None,
-            branch: None,
-            fold_curve: None,
-            calibration: None,
-            sensitivities: Vec::new(),
-            discrete_roots: Vec::new(),
-            transects: Vec::new(),
-            provenance: None,
-        };
+        let bare = Outcome::bare(Status::Failed, Default::default(), "steady", "published");
+        let outcome = Outcome { attempts, residual_history, ..bare };
         SolvedRun { run_index, run_id: format!("{run_index}"), outcome }
     }
 

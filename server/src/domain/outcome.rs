@@ -86,6 +86,40 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// How a run ended, with nothing more to tell.
+    pub fn bare(
+        status: Status,
+        parameters: Parameters,
+        regime: &str,
+        upstream_closure: &str,
+    ) -> Self {
+        Self {
+            status,
+            detail: String::new(),
+            parameters: EffectiveParameters(parameters),
+            regime: regime.to_owned(),
+            upstream_closure: upstream_closure.to_owned(),
+            scalars: Scalars::default(),
+            iterations: 0,
+            attempts: 1,
+            residual_history: None,
+            root_evidence: None,
+            validity: None,
+            grid_convergence: None,
+            grid_error: None,
+            profile: None,
+            series: None,
+            states: None,
+            branch: None,
+            fold_curve: None,
+            calibration: None,
+            sensitivities: Vec::new(),
+            discrete_roots: Vec::new(),
+            transects: Vec::new(),
+            provenance: None,
+        }
+    }
+
     /// The rows of its branch or curve of folds.
     pub fn curve_rows(&self) -> &[CurveRow] {
         let branch = self.branch.as_ref().map(|branch| branch.0.as_slice());

@@ -94,7 +94,9 @@ pub fn outcome(run: &RunSpec, ended: Ended) -> Outcome {
     }
     scalars.end_time_a = ended.transient.as_ref().map(|(time_a, _)| *time_a);
     let x_m = ended.terminus_x_m;
-    let mut caveats = ended.state.as_ref().map_or_else(Vec::new, |s| Caveat::of(&model, s, x_m));
+    let inertial = scalars.inertial_number.unwrap_or_default();
+    let of = |s| Caveat::of(model.parameters(), s, inertial);
+    let mut caveats = ended.state.as_ref().map_or_else(Vec::new, of);
     let squeezed = |r: &Record| Caveat::compressed(model.parameters(), r.strain_rate_min_per_a);
     if ended.transient.as_ref().is_some_and(|(_, record)| squeezed(record))
         && !caveats.contains(&Caveat::Compression)

@@ -1,14 +1,17 @@
 //! What is read off a state: transects, budget, caveats, and the error of the grid.
 
 use crate::{assert_close, model, steady};
-use melange_solver::diagnose::{Budget, Caveat, cfl_time_step_a, strain_rates_per_a};
+use melange_solver::diagnose::{
+    Budget, Caveat, cfl_time_step_a, inertial_number, strain_rates_per_a,
+};
 use melange_solver::diagnostic::wedge;
 use melange_solver::fjord::Fjord;
 use melange_solver::grid_error::{Convergence, grid_error};
 use melange_solver::interpolate::{Beyond, Linear, Monotone};
 use melange_solver::melt::{Frame, MeltShape};
 use melange_solver::physics::closure::UpstreamClosure;
-use melange_solver::transect::transect;
+use melange_solver::state::State;
+use melange_solver::transect::{transect, wall_strain_rate_per_a};
 use melange_solver::{Model, Solver};
 
 /// At a node the transect's mean by Simpson's rule is the node's velocity relative to the walls, u is 0
@@ -19,6 +22,7 @@ fn transects_carry_the_velocity_of_their_node() {
     let s = steady(&m).state;
     for node in [0, 1, 7, 10, 19, 20] {
         let t = transect(&m, &s, 0.0, node as f64 / 20.0);
+        assert_eq!(wall_strain_rate_per_a(&m, &s, 0.0, t.chi), t.mu_w.abs() * t.fluidity_per_a[0]);
         let (first, last) = (0, t.velocity_m_per_a.len() - 1);
         let sum: f64 = (t.velocity_m_per_a.iter().enumerate())
             .map(|(i, u)| match i {
@@ -87,14 +91,16 @@ fn a_mélange_beyond_its_tables_is_an_error() {
 fn caveats_are_named() {
     let m = model(|p| p.n_cells = 20);
     let s = steady(&m).state;
-    assert_eq!(Caveat::of(&m, &s, 0.0), []);
+    let caveats = |s: &State| Caveat::of(m.parameters(), s, inertial_number(&m, s, 0.0));
+    assert_eq!(caveats(&s), []);
+    assert_eq!(Caveat::of(m.parameters(), &s, 0.2), [Caveat::Inertial]);
     let (smallest, largest) = strain_rates_per_a(&s);
     assert!(smallest >= -1e-6 && largest > 1.0, "{smallest} {largest}");
     let thin = Solver::new(m.clone()).diagnostic(&wedge(&m, 40.0), 2e3).expect("a solve").state;
-    assert!(Caveat::of(&m, &thin, 0.0).contains(&Caveat::Thin));
+    assert!(caveats(&thin).contains(&Caveat::Thin));
     let mut squeezed = s.clone();
     squeezed.velocity_m_per_a[1] = squeezed.velocity_m_per_a[0] - 10.0;
-    assert!(Caveat::of(&m, &squeezed, 0.0).contains(&Caveat::Compression));
+    assert!(caveats(&squeezed).contains(&Caveat::Compression));
     let fastest = s.velocity_m_per_a.iter().copied().fold(0.0, f64::max);
     assert_close("Δt", cfl_time_step_a(&s), s.length_m / 20.0 / fastest, 1e-12);
 }

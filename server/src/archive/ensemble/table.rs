@@ -6,7 +6,7 @@ use super::super::provenance;
 use super::super::schema::{Kind, SCHEMA_VERSION};
 use super::manifest::FileEntry;
 use super::pages;
-use crate::domain::outcome::{EffectiveParameters, Outcome, SCALARS, Scalars};
+use crate::domain::outcome::{Outcome, SCALARS, Scalars};
 use crate::domain::parameters::PARAMETERS;
 use crate::domain::run::RunSpec;
 use crate::domain::status::Status;
@@ -208,11 +208,7 @@ pub fn solved(
         run_index,
         run_id,
         outcome: Outcome {
-            status,
             detail: text("detail").unwrap_or_default(),
-            parameters: EffectiveParameters(*spec.parameters()),
-            regime: spec.shared.regime.name().to_owned(),
-            upstream_closure: spec.model.closure().name().to_owned(),
             scalars,
             iterations: count("iterations", 0),
             attempts: count("attempts", 1),
@@ -220,17 +216,13 @@ pub fn solved(
             root_evidence: text("root_evidence"),
             validity: text("validity"),
             grid_convergence: text("grid_convergence"),
-            grid_error: None,
             provenance: Some(provenance::of_row(batch, row)),
-            profile: None,
-            series: None,
-            states: None,
-            branch: None,
-            fold_curve: None,
-            calibration: None,
-            sensitivities: Vec::new(),
-            discrete_roots: Vec::new(),
-            transects: Vec::new(),
+            ..Outcome::bare(
+                status,
+                *spec.parameters(),
+                spec.shared.regime.name(),
+                spec.model.closure().name(),
+            )
         },
     })
 }
