@@ -19,7 +19,7 @@ use crate::domain::outcome::Outcome;
 use crate::domain::start::Start;
 use crate::domain::sweep::{Limits, SweepSpec};
 use crate::faults::Faults;
-use crate::queue::{self, Lease};
+use crate::queue::{self, Lease, LeaseLost};
 use crate::store::Store;
 use crate::telemetry::TELEMETRY;
 use anyhow::Context;
@@ -140,6 +140,11 @@ impl Workers {
                 Ok(Some(lease)) => match self.leased(&lease, since, stop).await {
                     Ok(leased) => {
                         next = leased;
+                        continue;
+                    }
+                    // As happens when a sweep is cancelled or deleted meanwhile.
+                    Err(error) if error.is::<LeaseLost>() => {
+                        tracing::info!("not stored: {error}");
                         continue;
                     }
                     Err(error) => {

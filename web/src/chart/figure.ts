@@ -65,6 +65,9 @@ export interface Curve extends Named {
   arrows?: number[];
 }
 
+/** Opacity of an area that tells none of its own. */
+export const AREA = 0.2;
+
 /** The area between two curves over the same abscissae. */
 export interface Area extends Named {
   kind: "area";

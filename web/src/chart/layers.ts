@@ -1,6 +1,6 @@
 // A figure's layers as the plotting library's series. Part of the chart module.
 import type { Canvas } from "./echarts";
-import { type Curve, type Figure, type Interval, type Layer, type Scatter, share } from "./figure";
+import { AREA, type Curve, type Figure, type Interval, type Layer, type Scatter, share } from "./figure";
 import { LOOKS, type Theme, viridis } from "./theme";
 
 export type Numbers = (number | null)[];
@@ -75,7 +75,7 @@ export function parts(layer: Layer, figure: Figure, canvas: Canvas): Part[] {
               : {
                   type: "polygon",
                   shape: { points: edge.map((p) => api.coord(p)) },
-                  style: { fill: color, opacity: layer.opacity ?? 0.2 },
+                  style: { fill: color, opacity: layer.opacity ?? AREA },
                 },
           z: 1,
         },

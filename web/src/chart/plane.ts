@@ -4,7 +4,7 @@ import type { EChartsCoreOption } from "echarts/core";
 import { show, unitText } from "../lib/numbers";
 import { logRange, logTicks, tickText } from "../lib/ticks";
 import type { Canvas, Drawing } from "./echarts";
-import { type AxisSpec, type Figure, type Scale, axisLabel } from "./figure";
+import { AREA, type AxisSpec, type Figure, type Scale, axisLabel } from "./figure";
 import { type Numbers, type Part, edges, parts } from "./layers";
 import { LOOKS, type Theme, viridis } from "./theme";
 
@@ -165,7 +165,8 @@ export function planeOption(figure: Figure, canvas: Canvas): Drawing {
   for (const layer of figure.layers) {
     drawn.push(...parts(layer, figure, canvas));
     if (layer.kind !== "heat" && !("quiet" in layer && layer.quiet)) {
-      legend.set(layer.name, layer.kind === "guide" ? { icon: DASHED } : {});
+      const isArea = layer.kind === "area";
+      legend.set(layer.name, layer.kind === "guide" ? { icon: DASHED } : isArea ? { itemStyle: { opacity: layer.opacity ?? AREA } } : {});
     }
   }
   const right = isScaled ? 100 : 20;

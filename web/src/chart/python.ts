@@ -1,6 +1,6 @@
 // A figure as a Python script that asks the service for the same data and draws it again with matplotlib. Layers
 // that say where their numbers come from are read anew; the others stand in the script.
-import { type Figure, type Layer, type Parallel, type Scatter, axisLabel, isParallel } from "./figure";
+import { AREA, type Figure, type Layer, type Parallel, type Scatter, axisLabel, isParallel } from "./figure";
 import { LOOKS } from "./theme";
 
 const quoted = (text: string): string => JSON.stringify(text);
@@ -127,7 +127,7 @@ function draw(layer: Layer): string[] {
     }
     case "area": {
       const [lower, upper] = [numbers(layer.python?.lower, layer.lower), numbers(layer.python?.upper, layer.upper)];
-      return [`ax.fill_between(${numbers(layer.python?.x, layer.x)}, ${lower}, ${upper}, color=${colour(layer)}, alpha=${layer.opacity ?? 0.2}, linewidth=0${named})`];
+      return [`ax.fill_between(${numbers(layer.python?.x, layer.x)}, ${lower}, ${upper}, color=${colour(layer)}, alpha=${layer.opacity ?? AREA}, linewidth=0${named})`];
     }
     case "interval": {
       const [x, y] = [numbers(layer.python?.x, layer.x), numbers(layer.python?.y, layer.y)];

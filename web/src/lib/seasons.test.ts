@@ -26,6 +26,20 @@ test("a course is drawn in its shown unit and read anew by the script", () => {
   expect(figure.data).toEqual({ run_2: "runs/abc" });
 });
 
+test("what runs share is drawn once, and in no run's colour", () => {
+  const like = (index: number, force_n_per_m = series.force_n_per_m): Transient =>
+    ({ ...run, index, series: { ...series, force_n_per_m }, tint: { name: `run ${index}`, value: index, quiet: false } });
+  const scale = { name: "run", unit: "1", min: 2, max: 4, log: false };
+  const runs = [like(2), like(3, [9, 9, 9, 8]), like(4)];
+  const all = courseFigure(runs, q("time_a"), q("melt_rate_m_per_day"), { ...common, scale });
+  expect(all.layers).toMatchObject([{ name: "all 3 runs", color: "ink", quiet: false }]);
+  expect(all.scale).toBeUndefined();
+  const two = courseFigure(runs, q("time_a"), q("force_n_per_m"), { ...common, scale });
+  expect(two.layers.map((layer) => layer.name)).toEqual(["run 2, run 4", "run 3"]);
+  expect(two.layers[1]).toMatchObject({ value: 3, y: [9, 9, 9, 8] });
+  expect(two.scale).toEqual(scale);
+});
+
 test("a loop starts at its dot, and over the last period at that period's start", () => {
   const [curve, start] = loopFigure([run], q("melt_rate_m_per_day"), q("force_n_per_m"), new Map([[2, { from_a: 1, to_a: 2 }]]), common).layers as [Curve, Scatter];
   expect(curve.x).toEqual([0.8, 0.6]);

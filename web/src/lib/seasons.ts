@@ -89,18 +89,34 @@ function figure(title: string, x: Quantity, y: Quantity, runs: Transient[], laye
   };
 }
 
-/** A number over time. */
+/** Runs whose numbers over time are the same: one curve would hide the other. */
+function alike(runs: Transient[], of: Column): Transient[][] {
+  const groups = new Map<string, Transient[]>();
+  for (const run of runs) {
+    const course = JSON.stringify([run.series.time_a, run.series[of]]);
+    groups.set(course, [...(groups.get(course) ?? []), run]);
+  }
+  return [...groups.values()];
+}
+
+/** A number over time; what several runs share is drawn once, in no run's colour. */
 export function courseFigure(runs: Transient[], time: Quantity, y: Quantity, common: Common, line: "solid" | "dashed" = "solid"): Figure {
-  const layers = runs.map((run): Layer => ({
-    ...shape(run),
-    // One alone needs no name.
-    quiet: run.tint.quiet || runs.length === 1,
-    line,
-    x: run.series.time_a,
-    y: scaled(run.series[y.key as Column], y.factor),
-    python: { x: column(run, time), y: column(run, y) },
-  }));
-  return figure(`${capital(y.name)} over time`, time, y, runs, layers, common);
+  const layers = alike(runs, y.key as Column).flatMap((group): Layer[] => {
+    const [run] = group;
+    if (!run) return [];
+    const shared = group.length === runs.length ? `all ${runs.length} runs` : group.map(({ tint }) => tint.name).join(", ");
+    return [{
+      ...(group.length > 1 ? { kind: "curve", name: shared, color: "ink" } : shape(run)),
+      // One alone needs no name.
+      quiet: group.length === 1 && (run.tint.quiet || runs.length === 1),
+      line,
+      x: run.series.time_a,
+      y: scaled(run.series[y.key as Column], y.factor),
+      python: { x: column(run, time), y: column(run, y) },
+    }];
+  });
+  const isShared = runs.length > 1 && layers.length === 1;
+  return figure(`${capital(y.name)} over time`, time, y, runs, layers, isShared ? { ...common, scale: undefined } : common);
 }
 
 /** Stretches of time by run; without them the whole of each run. */
