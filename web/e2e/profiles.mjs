@@ -25,7 +25,7 @@ try {
       await page.goto(`${url}/#/${place}`);
       await page.reload();
       await page.getByRole("heading", { name: heading }).waitFor();
-      await page.waitForFunction("document.querySelectorAll('.drawing.waiting').length === 0");
+      await page.waitForFunction(() => document.querySelectorAll(".drawing.waiting").length === 0);
     };
     const look = async (name) => {
       await withoutViolations(page);
@@ -59,7 +59,7 @@ try {
     await page.getByLabel("χ of the speed across").press("Tab");
     await page.getByLabel("Beside it, a run of").selectOption(quasi);
     await page.waitForURL(/with=\w+(%3A|:)0/);
-    await page.waitForFunction("document.querySelectorAll('.drawing.waiting').length === 0");
+    await page.waitForFunction(() => document.querySelectorAll(".drawing.waiting").length === 0);
     await page.getByText("Dashed: quasi-static.").first().waitFor();
     await look("run");
     await scripts("run");

@@ -15,6 +15,7 @@ import type { Range } from "../lib/brush";
 import { type Figure, type Parallel, isParallel } from "./figure";
 import { planeOption } from "./plane";
 import { parallelOption } from "./parallel";
+import { PRINT_DPI } from "./png";
 import { LOOKS, type Theme } from "./theme";
 
 use([
@@ -89,6 +90,8 @@ export function chart(
     figure.onBrush?.(brushed(drawn, figure));
   });
   const resize = new ResizeObserver(() => {
+    // As told once at the beginning.
+    if (element.clientWidth === drawn.getWidth() && element.clientHeight === drawn.getHeight()) return;
     drawn.resize();
     redraw();
   });
@@ -155,8 +158,6 @@ function brushed(drawn: EChartsType, figure: Parallel): Range[] {
 const PRINT_MM = 174;
 /** CSS pixels of a millimetre. */
 const PX_PER_MM = 96 / 25.4;
-/** Dots per inch of a printed picture. */
-export const PRINT_DPI = 600;
 
 const printed = (ratio: number): Canvas => {
   const width = Math.round(PRINT_MM * PX_PER_MM);

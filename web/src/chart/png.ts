@@ -1,5 +1,8 @@
 // The size at which a picture of pixels is printed, written into its file: chunk pHYs of PNG (ISO/IEC 15948).
 
+/** Dots per inch of a printed picture. */
+export const PRINT_DPI = 600;
+
 const SIGNATURE_AND_HEADER = 8 + 25;
 
 /** The picture with a note of how many dots an inch has. */

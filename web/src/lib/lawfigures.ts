@@ -9,6 +9,7 @@ import { type Quantity, capital, timesPython } from "./quantities";
 import { tickText } from "./ticks";
 import { scaled } from "./units";
 import { isWide } from "./varied";
+import { countText } from "./words";
 
 /** What is drawn and how. */
 export interface LawView {
@@ -57,7 +58,7 @@ export function groupScale(laws: Laws, by: Quantity): Scale | undefined {
 export function thinned(laws: Laws): string[] {
   const used = laws.groups.reduce((sum, group) => sum + group.n_runs - group.left_out.reduce((n, l) => n + l.count, 0), 0);
   if (laws.shown >= used) return [];
-  const count = (n: number): string => n.toLocaleString("en");
+  const count = (n: number): string => countText(n);
   return [`Showing ${count(laws.shown)} of ${count(used)} runs: a random choice that is always the same. The law uses all of them.`];
 }
 

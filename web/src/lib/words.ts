@@ -1,8 +1,16 @@
 // Sizes, times and counts as people read them.
 import type { Counts } from "../api";
 
+/** Made once: making it takes longer than all counts of a page. */
+const COUNTS = new Intl.NumberFormat("en");
+
 /** A count with its thousands apart. */
-export const countText = (n: number): string => n.toLocaleString("en");
+export const countText = (n: number): string => COUNTS.format(n);
+
+const TIMES = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "medium" });
+
+/** A time as its reader's own language has it. */
+export const timeText = (time: Date): string => (Number.isNaN(time.getTime()) ? "" : TIMES.format(time));
 
 /** A count with its noun. */
 export const several = (n: number, one: string, many = `${one}s`): string => `${countText(n)} ${n === 1 ? one : many}`;

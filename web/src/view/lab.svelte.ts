@@ -106,7 +106,8 @@ class Lab {
   want(id: string): void {
     if (this.#wanted === id) return;
     this.#wanted = id;
-    void this.look();
+    // The first look sees to it by itself.
+    if (this.isLoaded) void this.look();
   }
 
   async find(filter: string): Promise<void> {
