@@ -212,6 +212,8 @@ class Lab {
       others.delete(id);
       this.#others = others;
     }
+    // Who went on meanwhile looks at another one.
+    if (this.#wanted !== id) await this.#lookAtWanted(listed);
   }
 }
 
